@@ -1,0 +1,27 @@
+# Python 3.11, git and make are all that is needed.
+PYTHON ?= python3.11
+OUT ?= runs/learn
+BIN = .venv/bin
+
+.PHONY: setup learn test lint
+
+setup: .venv/installed
+
+.venv/installed: pyproject.toml constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all]'
+	touch $@
+
+# Trains the default agent, or goes on where an interrupted `make learn` stopped.
+learn: setup
+	@if [ -f $(OUT)/checkpoint.pt ]; then $(BIN)/dntorch learn --resume $(OUT); \
+	else $(BIN)/dntorch learn --out $(OUT); fi
+
+test: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python -m pytest
+
+lint: setup
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .

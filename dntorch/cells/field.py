@@ -1,0 +1,101 @@
+r"""Dynamic neural fields of any number of dimensions.
+
+.. math:: \tau \dot u(x) = -u(x) + h + S(x) + \sum_{x'} \omega(x, x') f(u(x'))
+
+The kernel comes as `dntorch.cells.kernels.assemble` gives it: ``kernels``, for each axis a
+stack of matrices ``(terms, n, n)``, and ``everywhere``, the amplitude of its global term.
+Dense matrices, since up to some hundred sites an axis they beat convolution and FFT on a
+CPU, and borders, asymmetric and learned kernels come free.
+"""
+
+from typing import NamedTuple
+
+from torch import Tensor
+from torch.nn.functional import linear
+
+from dntorch.cells.functions import abs_sigmoid, heaviside, logistic
+
+
+class FieldState(NamedTuple):
+    u: Tensor
+    """Activation, ``(*batch, *shape)``."""
+
+
+def firing_rate(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
+    """Output :math:`f(u)`: `dntorch.cells.functions.sigmoid`, in the form TorchScript takes."""
+    if kind == "logistic":
+        return logistic(u, steepness, threshold)
+    if kind == "abs":
+        return abs_sigmoid(u, steepness, threshold)
+    return heaviside(u, threshold)
+
+
+def separable(output: Tensor, kernels: list[Tensor], term: int) -> Tensor:
+    """Effect of one term: multiply the last axis by its matrix, rotate the axes, repeat."""
+    axes = len(kernels)
+    for axis in range(axes):
+        output = linear(output, kernels[axes - 1 - axis][term])
+        if axes > 1:
+            output = output.movedim(-1, -axes)
+    return output
+
+
+def lateral(output: Tensor, kernels: list[Tensor], everywhere: float) -> Tensor:
+    r"""Lateral interaction :math:`\sum_{x'} \omega(x, x') f(u(x'))` of ``(*batch, *shape)``."""
+    axes = len(kernels)
+    if axes == 0:
+        return everywhere * output
+    total = separable(output, kernels, 0)
+    for term in range(1, kernels[0].shape[0]):
+        total = total + separable(output, kernels, term)
+    if everywhere != 0:
+        total = total + everywhere * output.sum(list(range(-axes, 0)), keepdim=True)
+    return total
+
+
+def field_target(
+    input: Tensor,
+    state: FieldState,
+    kernels: list[Tensor],
+    everywhere: float,
+    h: float,
+    kind: str,
+    steepness: float,
+    threshold: float,
+) -> Tensor:
+    """Where the leak pulls ``u``: all of the right-hand side but ``-u``."""
+    output = firing_rate(state.u, kind, steepness, threshold)
+    return lateral(output, kernels, everywhere) + input + h
+
+
+def field_rate(
+    input: Tensor,
+    state: FieldState,
+    kernels: list[Tensor],
+    everywhere: float,
+    tau: float,
+    h: float,
+    kind: str,
+    steepness: float,
+    threshold: float,
+) -> FieldState:
+    """Right-hand side, per second."""
+    target = field_target(input, state, kernels, everywhere, h, kind, steepness, threshold)
+    return FieldState((target - state.u) / tau)
+
+
+def field_step(
+    input: Tensor,
+    state: FieldState,
+    kernels: list[Tensor],
+    everywhere: float,
+    tau: float,
+    h: float,
+    kind: str,
+    steepness: float,
+    threshold: float,
+    dt: float,
+) -> FieldState:
+    """One Euler step of ``dt`` seconds."""
+    target = field_target(input, state, kernels, everywhere, h, kind, steepness, threshold)
+    return FieldState(state.u.lerp(target, dt / tau))

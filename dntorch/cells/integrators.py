@@ -1,0 +1,34 @@
+r"""Integrators built from Euler steps, so that every cell writes only its Euler step.
+
+With :math:`E_\Delta(x) = x + \Delta\, \dot x(x)`, the Euler step, one step of Heun's method
+(the explicit trapezoidal rule, order two) is the mean of the state and two Euler steps:
+
+.. math::
+    x + \tfrac{\Delta}{2} \left(\dot x(x) + \dot x(E_\Delta(x))\right)
+    = \tfrac12 \left(x + E_\Delta(E_\Delta(x))\right)
+
+A structure with ``substeps`` and ``integrator`` therefore steps like this::
+
+    for _ in range(substeps):                   # each of dt / substeps seconds
+        ahead = euler(input, state)
+        if integrator == "heun":
+            ahead = halfway(state, euler(input, ahead))
+        state = ahead
+
+The input is held during a step: order two holds for the state, not for a moving input.
+"""
+
+from torch import Tensor
+
+
+def halfway(start: Tensor, end: Tensor) -> Tensor:
+    """Mean of two states: with ``end`` two Euler steps after ``start``, one step of Heun."""
+    return start.lerp(end, 0.5)
+
+
+def check_integrator(integrator: str, substeps: int) -> None:
+    """Raise unless ``integrator`` is known and ``substeps`` at least one."""
+    if integrator not in ("euler", "heun"):
+        raise ValueError(f"integrator={integrator!r} is unknown: choose 'euler' or 'heun'")
+    if substeps < 1:
+        raise ValueError(f"substeps={substeps}: take at least one sub-step a step")

@@ -1,0 +1,64 @@
+r"""Value opposition: discounted value of the new pair against the value of the old one.
+
+.. math::
+    \tau_O \dot O_{ij} &= -O_{ij} + f_H(u_{ij} - \theta_u) W_{ij}
+        \big(\gamma f_H(TP^+_{ij} - \theta) - f_H(-TP^+_{ij} - \theta)\big) \\
+    \tau_v \dot v &= -v + \sum_{ij} O_{ij}
+"""
+
+from typing import NamedTuple
+
+from torch import Tensor
+
+from dntorch.cells.functions import heaviside
+
+
+class OppositionState(NamedTuple):
+    opposition: Tensor
+    """Value opposition field O, ``(*batch, n, n)``."""
+    error: Tensor
+    """Value cell v, the temporal-difference error without reward, ``(*batch,)``."""
+
+
+def opposition_rate(
+    pulse: Tensor,
+    trace: Tensor,
+    weights: Tensor,
+    state: OppositionState,
+    discount: float,
+    tau: float,
+    tau_error: float,
+    pulse_threshold: float,
+    trace_threshold: float,
+) -> OppositionState:
+    """Right-hand side, per second."""
+    onset = heaviside(pulse, pulse_threshold)
+    offset = heaviside(-pulse, pulse_threshold)
+    gated = heaviside(trace, trace_threshold) * weights
+    input = gated * (discount * onset - offset)
+    return OppositionState(
+        (input - state.opposition) / tau,
+        (state.opposition.sum((-2, -1)) - state.error) / tau_error,
+    )
+
+
+def opposition_step(
+    pulse: Tensor,
+    trace: Tensor,
+    weights: Tensor,
+    state: OppositionState,
+    discount: float,
+    tau: float,
+    tau_error: float,
+    pulse_threshold: float,
+    trace_threshold: float,
+    dt: float,
+) -> OppositionState:
+    """One Euler step of ``dt`` seconds."""
+    rate = opposition_rate(
+        pulse, trace, weights, state, discount, tau, tau_error, pulse_threshold, trace_threshold
+    )
+    return OppositionState(
+        state.opposition + dt * rate.opposition,
+        state.error + dt * rate.error,
+    )

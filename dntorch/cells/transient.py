@@ -1,0 +1,33 @@
+r"""Transient pulse cells: a pulse when the input comes on, its negative when it goes off.
+
+.. math:: \tau \dot{TP}^+ &= -TP^+ + I - TP^- \\
+          \tau \dot{TP}^- &= -TP^- + I
+"""
+
+from typing import NamedTuple
+
+from torch import Tensor
+
+
+class TransientState(NamedTuple):
+    pulse: Tensor
+    """Excitatory cell TP+, the output, any shape."""
+    inhibitory: Tensor
+    """Inhibitory cell TP-, which follows the input."""
+
+
+def transient_rate(input: Tensor, state: TransientState, tau: float) -> TransientState:
+    """Right-hand side, per second."""
+    return TransientState(
+        (input - state.pulse - state.inhibitory) / tau,
+        (input - state.inhibitory) / tau,
+    )
+
+
+def transient_step(input: Tensor, state: TransientState, tau: float, dt: float) -> TransientState:
+    """One Euler step of ``dt`` seconds."""
+    rate = transient_rate(input, state, tau)
+    return TransientState(
+        state.pulse + dt * rate.pulse,
+        state.inhibitory + dt * rate.inhibitory,
+    )

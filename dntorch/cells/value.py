@@ -1,0 +1,45 @@
+r"""Value nodes: read the learned values of the current state, normalised over actions.
+
+.. math:: \tau \dot d_i = -d_i + \frac{x_i}{\sum_k x_k}, \qquad
+          x_i = \Big[\sum_{j \neq i} (W_{ij} + \xi_{ij}) f(d_j^{cos})\Big]_+ + b_i
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+
+class ValueState(NamedTuple):
+    value: Tensor
+    """Activation of the value nodes, ``(*batch, n)``."""
+
+
+def normalized_values(satisfaction: Tensor, weights: Tensor, baseline: Tensor) -> Tensor:
+    """Share of each action in the values of the current state, ``(*batch, n)``, sum one.
+
+    ``weights`` is ``[action, state]``; ``satisfaction`` the output of the CoS nodes.
+    """
+    total = torch.matmul(weights, satisfaction.unsqueeze(-1)).squeeze(-1)
+    total = total.clamp_min(0.0) + baseline
+    return total / total.sum(-1, keepdim=True)
+
+
+def value_rate(
+    satisfaction: Tensor, weights: Tensor, state: ValueState, baseline: Tensor, tau: float
+) -> ValueState:
+    """Right-hand side, per second."""
+    return ValueState((normalized_values(satisfaction, weights, baseline) - state.value) / tau)
+
+
+def value_step(
+    satisfaction: Tensor,
+    weights: Tensor,
+    state: ValueState,
+    baseline: Tensor,
+    tau: float,
+    dt: float,
+) -> ValueState:
+    """One Euler step of ``dt`` seconds."""
+    rate = value_rate(satisfaction, weights, state, baseline, tau)
+    return ValueState(state.value + dt * rate.value)

@@ -1,0 +1,61 @@
+"""The colours a behaviour can look for: one letter, one hue.
+
+Letters are the public names of colours everywhere: ``"GBYRG"`` is a sequence,
+``"RGBY"`` a repertoire whose positions are the indices of behaviours.
+"""
+
+from __future__ import annotations
+
+#: Hue in degrees on the HSV circle.
+HUES: dict[str, float] = {
+    "R": 0.0, "O": 30.0, "Y": 60.0, "G": 120.0,
+    "C": 180.0, "B": 240.0, "V": 270.0, "M": 300.0,
+}  # fmt: skip
+
+NAMES: dict[str, str] = {
+    "R": "red", "O": "orange", "Y": "yellow", "G": "green",
+    "C": "cyan", "B": "blue", "V": "violet", "M": "magenta",
+}  # fmt: skip
+
+#: The four colours of the paper, in the order of its figure.
+PAPER = "RGBY"
+
+
+def check_colors(colors: str) -> str:
+    """Return ``colors`` if it is a repertoire: two or more known letters, none twice."""
+    unknown = [letter for letter in colors if letter not in HUES]
+    if unknown:
+        raise ValueError(
+            f"colors={colors!r} has the unknown letter {unknown[0]!r}: choose from {''.join(HUES)}"
+        )
+    if len(colors) < 2 or len(set(colors)) < len(colors):
+        raise ValueError(f"colors={colors!r}: give two or more different letters, such as {PAPER!r}")
+    return colors
+
+
+def check_sequence(sequence: str, colors: str) -> str:
+    """Return ``sequence`` if behaviours that find ``colors`` can execute it.
+
+    A behaviour never follows itself (it is finished: its condition of satisfaction
+    inhibits it), so a letter may return but not at once.
+    """
+    missing = [letter for letter in sequence if letter not in colors]
+    if missing:
+        raise ValueError(
+            f"sequence={sequence!r} has the letter {missing[0]!r}, which colors={colors!r} lacks: "
+            "use letters of colors"
+        )
+    if len(sequence) < 2:
+        raise ValueError(f"sequence={sequence!r} is too short: give at least two letters")
+    for first, second in zip(sequence, sequence[1:]):
+        if first == second:
+            raise ValueError(
+                f"sequence={sequence!r} repeats {first!r} at once: a behaviour cannot follow itself, "
+                "put another letter between"
+            )
+    return sequence
+
+
+def indices(sequence: str, colors: str) -> list[int]:
+    """Positions of the letters of ``sequence`` in ``colors``."""
+    return [colors.index(letter) for letter in check_sequence(sequence, check_colors(colors))]

@@ -1,0 +1,123 @@
+"""Elementary behaviours: intentions, and the conditions that satisfy them."""
+
+from typing import NamedTuple
+
+from torch import Tensor
+
+from dntorch.cells.node import NodeState
+from dntorch.dynamics import Dynamics
+from dntorch.modules.node import NodeWTA
+
+
+class BehaviorState(NamedTuple):
+    intention: NodeState
+    satisfaction: NodeState
+
+
+class ElementaryBehaviors(Dynamics):
+    r"""n behaviours, each an intention node and a condition-of-satisfaction (CoS) node.
+
+    .. math::
+        \tau \dot d_i^{int} &= -d_i^{int} + h + c_+ f(d_i^{int})
+            - c_- \sum_{k \neq i} f(d_k^{int}) + c_{val} d_i^{val} - c_{cos} f(d_i^{cos}) \\
+        \tau \dot d_i^{cos} &= -d_i^{cos} + h + c_+ f(d_i^{cos})
+            - c_- \sum_{k \neq i} f(d_k^{cos}) - c_{int} \sum_{k \neq i} f(d_k^{int}) + c_{in} m_i
+
+    ===================  ===================  ====  =============================================
+    symbol               here                 unit  meaning
+    ===================  ===================  ====  =============================================
+    :math:`d^{int}`      ``intention``        1     intention nodes, a `NodeWTA`
+    :math:`d^{cos}`      ``satisfaction``     1     CoS nodes, a `NodeWTA`
+    :math:`d^{val}`      ``value``            1     value nodes, shares that sum to one
+    :math:`m`            ``match``            1     0 to 1: percept fits the CoS of behaviour i
+    :math:`c_{val}`      ``value_gain``       1     values drive intentions
+    :math:`c_{cos}`      ``completion_gain``  1     the own CoS ends an intention
+    :math:`c_{int}`      ``intention_gain``   1     other intentions weaken a CoS
+    :math:`c_{in}`       ``match_gain``       1     percepts drive the CoS
+    ===================  ===================  ====  =============================================
+
+    The CoS node of the last completed behaviour stays on by itself, as the *state*, until
+    the next CoS switches it off: exactly one is on after the first.
+
+    Shapes: ``value`` and ``match`` ``(*batch, n)``; output ``(intention, satisfaction)``, the
+    firing rates after the step, ``(*batch, n)`` each.
+    State: ``BehaviorState(intention, satisfaction)``, both at their resting level.
+
+    Raises:
+        ValueError: ``n < 2``, gains with which the dynamics cannot do their work.
+
+    Source: eqs. (2) and (3) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
+    Reinforcement of Behavioral Sequences in Neural Dynamics"; Richter, Sandamirskaya and
+    Schöner 2012 for the memory of completion.
+
+    **Deviations** (printed, used for n = 4, why):
+
+    * :math:`c_{cos} = 5`, 40: the finished behaviour would win again; the inhibition must
+      exceed the largest value input and the self-excitation together.
+    * :math:`c_-^{int} = 10`, 30: two intentions that start together stay on together.
+    * no inhibition among CoS nodes, 8, and :math:`c_+^{cos}` = 8 (not given): the state must
+      persist while the next behaviour runs, or the temporal difference has no old pair.
+    * :math:`c_{val} = 5n` (20 as printed for n = 4), and :math:`c_{cos}, c_-^{int}` in proportion,
+      since values are shares: an even share among many must still reach the threshold.
+    """
+
+    def __init__(
+        self,
+        n: int,
+        intention: NodeWTA | None = None,
+        satisfaction: NodeWTA | None = None,
+        value_gain: float | None = None,
+        completion_gain: float | None = None,
+        intention_gain: float = 2.0,
+        match_gain: float = 15.0,
+        dt: float = 1 / 32,
+    ) -> None:
+        super().__init__(dt)
+        if n < 2:
+            raise ValueError(f"n={n}: give at least two behaviours to choose from")
+        self.n = n
+        self.value_gain = 5.0 * n if value_gain is None else value_gain
+        self.completion_gain = 2 * self.value_gain if completion_gain is None else completion_gain
+        self.intention_gain, self.match_gain = intention_gain, match_gain
+        self.intention = intention or NodeWTA(n, inhibition=1.5 * self.value_gain, dt=dt)
+        self.satisfaction = satisfaction or NodeWTA(n, excitation=8.0, inhibition=8.0, dt=dt)
+
+    @property
+    def state(self) -> BehaviorState:
+        return BehaviorState(self.intention.state, self.satisfaction.state)
+
+    @state.setter
+    def state(self, state: BehaviorState) -> None:
+        self.intention.state = state.intention
+        self.satisfaction.state = state.satisfaction
+
+    def initial(self, batch: list[int]) -> BehaviorState:
+        return BehaviorState(self.intention.initial(batch), self.satisfaction.initial(batch))
+
+    def forward(self, value: Tensor, match: Tensor) -> tuple[Tensor, Tensor]:
+        output, self.state = self.step(value, match, self.state)
+        return output
+
+    def output(self, state: BehaviorState) -> tuple[Tensor, Tensor]:
+        """Firing rates of intention and CoS nodes."""
+        return (
+            self.intention.output(state.intention),
+            self.satisfaction.output(state.satisfaction),
+        )
+
+    def euler(self, value: Tensor, match: Tensor, state: BehaviorState) -> BehaviorState:
+        """One step, without the output."""
+        intention, satisfaction = self.output(state)
+        others = intention.sum(-1, keepdim=True) - intention
+        drive = self.value_gain * value - self.completion_gain * satisfaction
+        percept = self.match_gain * match - self.intention_gain * others
+        return BehaviorState(
+            self.intention.euler(drive, state.intention),
+            self.satisfaction.euler(percept, state.satisfaction),
+        )
+
+    def step(
+        self, value: Tensor, match: Tensor, state: BehaviorState
+    ) -> tuple[tuple[Tensor, Tensor], BehaviorState]:
+        state = self.euler(value, match, state)
+        return self.output(state), state

@@ -1,0 +1,201 @@
+"""Senses and motors of "find colour c": from camera images to wheel speeds."""
+
+import torch
+from torch import Tensor
+
+from dntorch.cells.color import hue_columns
+from dntorch.cells.field import FieldState
+from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
+from dntorch.cells.kernels import Gauss, Global, gauss_matrix
+from dntorch.colors import HUES, PAPER, check_colors
+from dntorch.dynamics import Dynamics
+from dntorch.modules.field import DNF
+
+
+class FindColor(Dynamics):
+    r"""Turn on the spot until an object of the wanted colour is in the middle of the image.
+
+    ::
+
+        image -> hue by column -> perceptual field -> heading field -> wheel speeds
+                                       ^    |
+        intention ---- hue bias -------+    v
+                  `--- hue and centre bias: CoS field -> match of each condition of satisfaction
+
+    ======================  =========================  =====  ======================================
+    quantity                here                       unit   meaning
+    ======================  =========================  =====  ======================================
+    perceptual field        ``perception``             1      hue by column: salient where an image
+                                                              and an intention agree
+    CoS field               ``satisfaction``           1      same axes: on where that is central
+    heading field           ``heading``                1      one axis: the direction to turn to
+    :math:`\lambda`         ``turning_gain``           1/s    attraction of the heading
+    :math:`\omega_{scan}`   ``scan``                   rad/s  turning rate while nothing is seen
+    ======================  =========================  =====  ======================================
+
+    The image alone leaves the perceptual field below threshold and so does the intention
+    alone. Local excitation and global inhibition let one of several fitting objects win.
+
+    Shapes: ``observation`` is an RGB image, uint8, ``(*batch, height, width, 3)``, row 0 at the
+    top, of any size; fields have ``hues`` by ``columns`` sites; ``intention`` ``(*batch, n)``;
+    the action is two wheel speeds in rad/s, left first, ``(*batch, 2)``.
+    State: the activation of the three fields by name, at rest at their resting level.
+
+    Args:
+        colors: letters of the colours to find, one behaviour each.
+        fov: horizontal field of view of the camera, rad.
+        wheel_radius, axle: of the robot, m; ``max_speed``: of a wheel, rad/s.
+        hues, columns: sites of the fields; 360/hues degrees a bin.
+        min_saturation, min_value: pixels below are no colour, 0 to 1.
+        hue_centers: hue of each colour in degrees where it is not that of the letter (a real
+            camera: calibrate).
+
+    Raises:
+        ValueError: an image that is not uint8 RGB, unknown colours, two of them in one bin.
+
+    Source: sections III.B and IV.A of Kazerounian, Luciw, Richter and Sandamirskaya,
+    "Autonomous Reinforcement of Behavioral Sequences in Neural Dynamics".
+
+    **Deviation**: the paper gives no parameter of its fields, and takes the maximum of hue
+    for the y-axis; here each hue has its own row.
+
+    >>> body = FindColor("RGBY")
+    >>> image = torch.zeros(39, 52, 3, dtype=torch.uint8)
+    >>> image[10:30, 5:15, 2] = 255  # a blue block on the left
+    >>> for _ in range(32):
+    ...     action = body(image, torch.tensor([0.0, 0.0, 1.0, 0.0]))  # find blue
+    >>> bool(action[0] < -0.39 and action[1] > 0.39)  # turns left, faster than it scans
+    True
+    """
+
+    hue_bias: Tensor
+    center: Tensor
+    blur: Tensor
+    bearing: Tensor
+
+    def __init__(
+        self,
+        colors: str = PAPER,
+        fov: float = 0.84,
+        wheel_radius: float = 0.020,
+        axle: float = 0.052,
+        max_speed: float = 1.26,
+        turning_gain: float = 1.5,
+        scan: float = 0.3,
+        hues: int = 24,
+        columns: int = 52,
+        min_saturation: float = 90 / 255,
+        min_value: float = 40 / 255,
+        hue_centers: list[float] | None = None,
+        dt: float = 1 / 32,
+    ) -> None:
+        super().__init__(dt)
+        self.n = len(check_colors(colors))
+        self.wheel_radius, self.axle, self.max_speed = wheel_radius, axle, max_speed
+        self.turning_gain, self.scan = turning_gain, scan
+        self.hues, self.columns = hues, columns
+        self.min_saturation, self.min_value = min_saturation, min_value
+        # Widths are in columns of a 52-column image, about that of half a block.
+        unit = columns / 52
+        shape = (hues, columns)
+        border = ("circular", "zero")
+        kernel = (Gauss(0.4 / unit, (0.8, 2.5 * unit), normalized=False), Global(-0.15 / unit))
+        self.perception = DNF(shape, kernel, border=border, dt=dt)
+        self.satisfaction = DNF(
+            shape, (Gauss(0.1 / unit, (0.8, 2.5 * unit), normalized=False),), border=border, dt=dt
+        )
+        self.heading = DNF(
+            columns,
+            (Gauss(0.4 / unit, 2.5 * unit, normalized=False), Global(-0.15 / unit)),
+            border="zero",
+            dt=dt,
+        )
+        centers = hue_centers or [HUES[letter] for letter in colors]
+        self.register_buffer("hue_bias", hue_preference(centers, hues), persistent=False)
+        column = torch.arange(columns) - (columns - 1) / 2
+        center = torch.exp(-0.5 * (column / (1.5 * unit)) ** 2)
+        self.register_buffer("center", center, persistent=False)
+        blur = gauss_matrix(columns, 3.5 * unit, "zero")
+        self.register_buffer("blur", blur.to(center), persistent=False)
+        self.register_buffer("bearing", bearings(columns, fov).to(center), persistent=False)
+        self.resize()
+
+    @property
+    def state(self) -> dict[str, Tensor]:
+        return {
+            "perception": self.perception.state.u,
+            "satisfaction": self.satisfaction.state.u,
+            "heading": self.heading.state.u,
+        }
+
+    @state.setter
+    def state(self, state: dict[str, Tensor]) -> None:
+        self.perception.state = FieldState(state["perception"])
+        self.satisfaction.state = FieldState(state["satisfaction"])
+        self.heading.state = FieldState(state["heading"])
+
+    def initial(self, batch: list[int]) -> dict[str, Tensor]:
+        return {
+            "perception": self.perception.initial(batch).u,
+            "satisfaction": self.satisfaction.initial(batch).u,
+            "heading": self.heading.initial(batch).u,
+        }
+
+    def forward(self, observation: Tensor, intention: Tensor) -> Tensor:
+        self.state = self.advance(observation, intention, self.state)
+        return self.act(intention, self.state)
+
+    def percept(self, image: Tensor) -> Tensor:
+        """Salience of each hue in each column, 0 to 1, ``(*batch, hues, columns)``."""
+        if image.dtype != torch.uint8 or image.dim() < 3 or image.shape[-1] != 3:
+            raise ValueError(
+                f"image of shape {list(image.shape)} and dtype {image.dtype}: give uint8 RGB, "
+                "(*batch, height, width, 3)"
+            )
+        share = hue_columns(image, self.hues, self.min_saturation, self.min_value)
+        batch = list(share.shape[:-2])
+        if share.shape[-1] != self.columns:
+            share = torch.nn.functional.adaptive_avg_pool1d(
+                share.reshape(-1, self.hues, share.shape[-1]), self.columns
+            ).reshape(batch + [self.hues, self.columns])
+        return torch.matmul((4 * share).clamp_max(1.0).to(self.blur.dtype), self.blur.t())
+
+    def match(self, observation: Tensor, state: dict[str, Tensor]) -> Tensor:
+        """How much of each hue the CoS field holds, ``(*batch, n)``, 0 to 1."""
+        output = self.satisfaction.output(FieldState(state["satisfaction"]))
+        return (output.sum(-1) @ self.hue_bias.t() / 1.6).clamp_max(1.0)
+
+    def advance(
+        self, observation: Tensor, intention: Tensor, state: dict[str, Tensor]
+    ) -> dict[str, Tensor]:
+        """One step of the fields, all from time t."""
+        perception = FieldState(state["perception"])
+        seen = self.perception.output(perception)
+        bias = 2.5 * (intention @ self.hue_bias).unsqueeze(-1)
+        perceived = self.perception.euler(4 * self.percept(observation) + bias, perception)
+        satisfied = self.satisfaction.euler(
+            4 * seen + bias * self.center, FieldState(state["satisfaction"])
+        )
+        headed = self.heading.euler(8 * seen.amax(-2), FieldState(state["heading"]))
+        return {"perception": perceived.u, "satisfaction": satisfied.u, "heading": headed.u}
+
+    def act(self, intention: Tensor, state: dict[str, Tensor]) -> Tensor:
+        """Wheel speeds: towards the peak of the heading field; none without an intention."""
+        output = self.heading.output(FieldState(state["heading"]))
+        turning = turning_rate(output, self.bearing, self.turning_gain, self.scan, 0.1)
+        turning = turning * (intention.amax(-1) > 0.5).to(turning.dtype)
+        return wheel_speeds(turning, self.wheel_radius, self.axle, self.max_speed)
+
+
+def hue_preference(centers: list[float], hues: int) -> Tensor:
+    """Tuning of each behaviour to hue: a Gaussian of one bin around its colour, ``(n, hues)``."""
+    width = 360 / hues
+    bins = torch.arange(hues) * width
+    distance = (bins - torch.tensor(centers).unsqueeze(-1) + 180) % 360 - 180
+    nearest = distance.abs().argmin(-1)
+    if len(set(nearest.tolist())) < len(centers):
+        raise ValueError(
+            f"hues={hues}: two of the colours at {centers} degrees share a bin of {width:g} "
+            "degrees; take more hues"
+        )
+    return torch.exp(-0.5 * (distance / width) ** 2)

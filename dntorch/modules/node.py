@@ -1,0 +1,96 @@
+"""Nodes that compete until one wins."""
+
+from torch import Tensor
+
+from dntorch.cells.functions import abs_sigmoid
+from dntorch.cells.node import NodeState, node_step
+from dntorch.dynamics import Dynamics, check_time_constant, overwrite
+
+
+class NodeWTA(Dynamics):
+    r"""Neural nodes with self-excitation and mutual inhibition.
+
+    .. math:: \tau \dot u_i = -u_i + h + c_+ f_S(u_i) - c_- \sum_{k \neq i} f_S(u_k) + S_i
+
+    ============  ==============  ========  ==========================================
+    symbol        here            unit      meaning
+    ============  ==============  ========  ==========================================
+    :math:`u`     ``u``           1         activation; a node is *on* above ``threshold``
+    :math:`\tau`  ``tau``         s         time constant
+    :math:`h`     ``h``           1         resting level, negative
+    :math:`c_+`   ``excitation``  1         self-excitation; above ``-h`` a node stays on
+                                            without input
+    :math:`c_-`   ``inhibition``  1         mutual inhibition, a positive number
+    :math:`\beta` ``steepness``   1         of the sigmoid
+    :math:`\mu`   ``threshold``   1         of the sigmoid
+    ============  ==============  ========  ==========================================
+
+    Shapes: input and output ``(*batch, n)``; the output is :math:`f_S(u)` after the step.
+    State: ``NodeState(u)``, at rest ``h``.
+
+    Raises:
+        ValueError: ``n < 1``, ``dt > tau``, ``h`` not negative.
+
+    Source: eqs. (2) and (3) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
+    Reinforcement of Behavioral Sequences in Neural Dynamics".
+
+    **Deviations**: printed :math:`h = 5`, used -5 (the text says h < 0; with +5 every node
+    is on at rest). Printed :math:`c_- = c_+ = 10`; the default is 30, since at 10 two nodes
+    that cross threshold together stay on together.
+
+    >>> nodes = NodeWTA(3)
+    >>> for _ in range(64):
+    ...     output = nodes(torch.tensor([6.0, 7.0, 6.5]))
+    >>> (output > 0.5).tolist()
+    [False, True, False]
+    """
+
+    u: Tensor
+
+    def __init__(
+        self,
+        n: int,
+        tau: float = 0.3,
+        h: float = -5.0,
+        excitation: float = 10.0,
+        inhibition: float = 30.0,
+        steepness: float = 100.0,
+        threshold: float = 0.0,
+        dt: float = 1 / 32,
+    ) -> None:
+        super().__init__(dt)
+        if n < 1:
+            raise ValueError(f"n={n}: give at least one node")
+        if not h < 0:
+            raise ValueError(f"h={h} must be negative: with another every node is on at rest")
+        check_time_constant("tau", tau, dt)
+        self.n, self.tau, self.h = n, tau, h
+        self.excitation, self.inhibition = excitation, inhibition
+        self.steepness, self.threshold = steepness, threshold
+        self.resize()
+
+    @property
+    def state(self) -> NodeState:
+        return NodeState(self.u.clone())
+
+    @state.setter
+    def state(self, state: NodeState) -> None:
+        overwrite(self.u, state.u)
+
+    def initial(self, batch: list[int]) -> NodeState:
+        return NodeState(self.origin.new_full(batch + [self.n], self.h))
+
+    def output(self, state: NodeState) -> Tensor:
+        """Firing rate :math:`f_S(u)`."""
+        return abs_sigmoid(state.u, self.steepness, self.threshold)
+
+    def euler(self, input: Tensor, state: NodeState) -> NodeState:
+        """One step, without the output."""
+        return node_step(
+            input, state, self.tau, self.h, self.excitation, self.inhibition,
+            self.steepness, self.threshold, self.dt,
+        )  # fmt: skip
+
+    def step(self, input: Tensor, state: NodeState) -> tuple[Tensor, NodeState]:
+        state = self.euler(input, state)
+        return self.output(state), state

@@ -1,0 +1,90 @@
+"""Value nodes: what the learned values suggest to do next."""
+
+import torch
+from torch import Tensor
+
+from dntorch.cells.value import ValueState, value_step
+from dntorch.dynamics import Dynamics, check_time_constant, overwrite
+
+
+class ValueNodes(Dynamics):
+    r"""Nodes that read the values of the current state, normalised to a sum of one.
+
+    .. math:: \tau \dot d_i = -d_i + \frac{x_i}{\sum_k x_k}, \qquad
+              x_i = \Big[\sum_{j \neq i} W_{ij} f(d_j^{cos})\Big]_+ + b_i
+
+    ===================  ================  ====  =============================================
+    symbol               here              unit  meaning
+    ===================  ================  ====  =============================================
+    :math:`d`            ``value``         1     activation of the value nodes
+    :math:`f(d^{cos})`   ``satisfaction``  1     output of the CoS nodes: the state
+    :math:`W`            ``weights``       1     values ``[action, state]``, noise included
+    :math:`\tau`         ``tau``           s     time constant
+    :math:`b`            ``baseline``      1     innate preference, small: decides where
+                                                 nothing has been learned
+    ===================  ================  ====  =============================================
+
+    Shapes: ``satisfaction`` and output (activation after the step) ``(*batch, n)``,
+    ``weights`` ``(*batch, n, n)`` or ``(n, n)``. State: ``ValueState(value)``, 0 at rest.
+
+    Raises:
+        ValueError: ``dt > tau``, ``baseline`` not positive, ``n < 2``.
+
+    Source: eq. (5) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
+    Reinforcement of Behavioral Sequences in Neural Dynamics".
+
+    **Deviations**: printed without the leak :math:`-d_i`, but a pure integrator diverges; the
+    text normalises afterwards, here the input is normalised and the nodes relax to it.
+    Printed for positive W only: with all W zero the normalisation is 0/0 and W may become
+    negative, so the sum is rectified and ``baseline`` keeps it positive. The preference
+    grows slightly with i, since equal nodes never decide without noise. The diagonal of W is
+    ignored: a finished behaviour may not win again at once.
+
+    >>> nodes = ValueNodes(3)
+    >>> weights = torch.tensor([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.2, 0.0, 0.0]])
+    >>> for _ in range(32):
+    ...     value = nodes(torch.tensor([1.0, 0.0, 0.0]), weights)  # in state 0
+    >>> value
+    tensor([0.0012, 0.7479, 0.2508])
+    """
+
+    value: Tensor
+    baseline: Tensor
+    off_diagonal: Tensor
+
+    def __init__(
+        self, n: int, tau: float = 0.1, baseline: float = 1e-3, dt: float = 1 / 32
+    ) -> None:
+        super().__init__(dt)
+        check_time_constant("tau", tau, dt)
+        if n < 2:
+            raise ValueError(f"n={n}: give at least two behaviours to choose from")
+        if not baseline > 0:
+            raise ValueError(f"baseline={baseline} must be positive: at 0 the values may sum to 0")
+        self.n, self.tau = n, tau
+        preference = baseline * (1 + torch.arange(n) / n)
+        self.register_buffer("baseline", preference, persistent=False)
+        self.register_buffer("off_diagonal", 1 - torch.eye(n), persistent=False)
+        self.resize()
+
+    @property
+    def state(self) -> ValueState:
+        return ValueState(self.value.clone())
+
+    @state.setter
+    def state(self, state: ValueState) -> None:
+        overwrite(self.value, state.value)
+
+    def initial(self, batch: list[int]) -> ValueState:
+        return ValueState(self.origin.new_zeros(batch + [self.n]))
+
+    def forward(self, satisfaction: Tensor, weights: Tensor) -> Tensor:
+        output, self.state = self.step(satisfaction, weights, self.state)
+        return output
+
+    def step(
+        self, satisfaction: Tensor, weights: Tensor, state: ValueState
+    ) -> tuple[Tensor, ValueState]:
+        weights = weights * self.off_diagonal
+        state = value_step(satisfaction, weights, state, self.baseline, self.tau, self.dt)
+        return state.value, state

@@ -1,0 +1,89 @@
+"""Working memory that keeps items and their order."""
+
+from torch import Tensor
+
+from dntorch.cells.working_memory import WorkingMemoryState, working_memory_step
+from dntorch.dynamics import Dynamics, check_time_constant, overwrite
+
+
+class ItemOrderWM(Dynamics):
+    r"""Item-and-order working memory over pairs: the eligibility trace.
+
+    .. math:: \tau \dot u_{ij} = (1-u_{ij})\big(\alpha f_P(TP^+_{ij}) + \beta u_{ij}\big)
+              - u_{ij} \sum_{kl \neq ij} \big(\alpha f_P(TP^+_{kl}) + \beta u_{kl}\big)
+
+    ==============  ==============  ====  ================================================
+    symbol          here            unit  meaning
+    ==============  ==============  ====  ================================================
+    :math:`u`       ``u``           1     activity, stays within 0 and 1
+    :math:`\tau`    ``tau``         s     time constant; sets how much of the past survives
+    :math:`\alpha`  ``excitation``  1     gain of the pulses
+    :math:`\beta`   ``feedback``    1     recurrent gain; brings the sum of activity to 1
+    :math:`f_P`     ``threshold``   1     pulses count above it, with their own size
+    ==============  ==============  ====  ================================================
+
+    Between pulses every ratio of activities is conserved and their sum goes to 1: a level
+    lasts as long as a behaviour does, whatever that is. A pulse of area A into one cell of
+    a settled memory multiplies all others by :math:`e^{-\alpha A / \tau}`: an accumulating
+    trace with that decay per transition (:math:`\gamma\lambda` of SARSA(:math:`\lambda`)).
+
+    Shapes: input (pulses) and output (activity after the step) ``(*batch, n, n)``.
+    State: ``WorkingMemoryState(u)``, 0 at rest, which is a fixed point.
+
+    Raises:
+        ValueError: ``dt > tau``, or so coarse a step that activity could leave [0, 1].
+
+    Source: eq. (11) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
+    Reinforcement of Behavioral Sequences in Neural Dynamics"; Grossberg 1978.
+
+    **Deviations**: :math:`\tau^u` and :math:`f_P` are not given in the paper; here 1 s and
+    "the pulse itself above a threshold, else 0".
+
+    >>> memory = ItemOrderWM(2)
+    >>> for site in [(0, 1), (1, 0)]:  # two pulses, one after the other
+    ...     for step in range(96):
+    ...         pulse = torch.zeros(2, 2)
+    ...         pulse[site] = float(step < 32)
+    ...         trace = memory(pulse)
+    >>> bool(trace[1, 0] > trace[0, 1] > 0)  # the later one is the stronger
+    True
+    """
+
+    u: Tensor
+
+    def __init__(
+        self,
+        n: int,
+        tau: float = 1.0,
+        excitation: float = 1.1,
+        feedback: float = 0.8,
+        threshold: float = 0.05,
+        dt: float = 1 / 32,
+    ) -> None:
+        super().__init__(dt)
+        check_time_constant("tau", tau, dt)
+        if dt * (excitation + feedback) > tau:
+            raise ValueError(
+                f"dt={dt} with tau={tau}: activity could leave [0, 1]; take dt <= "
+                f"{tau / (excitation + feedback):.4g}"
+            )
+        self.n, self.tau, self.threshold = n, tau, threshold
+        self.excitation, self.feedback = excitation, feedback
+        self.resize()
+
+    @property
+    def state(self) -> WorkingMemoryState:
+        return WorkingMemoryState(self.u.clone())
+
+    @state.setter
+    def state(self, state: WorkingMemoryState) -> None:
+        overwrite(self.u, state.u)
+
+    def initial(self, batch: list[int]) -> WorkingMemoryState:
+        return WorkingMemoryState(self.origin.new_zeros(batch + [self.n, self.n]))
+
+    def step(self, input: Tensor, state: WorkingMemoryState) -> tuple[Tensor, WorkingMemoryState]:
+        state = working_memory_step(
+            input, state, self.tau, self.excitation, self.feedback, self.threshold, self.dt
+        )
+        return state.u, state

@@ -1,0 +1,89 @@
+"""Random numbers that depend on what they are for, not on when they are drawn.
+
+A counter-based generator (Philox4x32-10: Salmon, Moraes, Dror and Shaw, "Parallel random
+numbers: as easy as 1, 2, 3", 2011) maps (seed, agent, occasion, purpose) to numbers. So a
+draw is the same alone and inside a batch, in float32 and float64, on another device, in an
+exported program and after a resume; there is no generator state to save.
+"""
+
+import torch
+from torch import Tensor
+
+MASK = 0xFFFFFFFF
+MULTIPLIERS = (0xD2511F53, 0xCD9E8D57)
+WEYL = (0x9E3779B9, 0xBB67AE85)
+
+
+def philox(counter: list[Tensor], key: list[Tensor]) -> list[Tensor]:
+    """Four random 32-bit words (in int64) from four counter words and two key words."""
+    c0, c1, c2, c3 = counter
+    k0, k1 = key
+    for _ in range(10):
+        product0, product1 = MULTIPLIERS[0] * c0, MULTIPLIERS[1] * c2
+        c0, c1, c2, c3 = (
+            ((product1 >> 32) & MASK) ^ c1 ^ k0,
+            product1 & MASK,
+            ((product0 >> 32) & MASK) ^ c3 ^ k1,
+            product0 & MASK,
+        )
+        k0, k1 = (k0 + WEYL[0]) & MASK, (k1 + WEYL[1]) & MASK
+    return [c0, c1, c2, c3]
+
+
+def keyed_uniform(seed: int, agent: Tensor, occasion: Tensor, count: int, stream: int) -> Tensor:
+    """``count`` numbers in [0, 1), float64, ``(*batch, count)``, for each agent and occasion.
+
+    Args:
+        seed: of the experiment, 0 to 2**32 - 1.
+        agent: number of each agent, int64, ``(*batch,)``.
+        occasion: number of its decision (or visit, …), int64, ``(*batch,)``.
+        count: numbers a draw.
+        stream: what they are for; draws for different purposes are independent.
+
+    >>> alone = keyed_uniform(7, torch.tensor([3]), torch.tensor([5]), 2, 0)
+    >>> batch = keyed_uniform(7, torch.arange(10), torch.full((10,), 5), 2, 0)
+    >>> bool((batch[3] == alone[0]).all())
+    True
+    """
+    blocks = torch.arange((count + 3) // 4, device=agent.device)
+    zero = torch.zeros_like(agent.unsqueeze(-1) + blocks)
+    counter = [zero + blocks, zero + occasion.unsqueeze(-1), zero + agent.unsqueeze(-1), zero]
+    words = torch.stack(philox(counter, [zero + seed, zero + stream]), -1)
+    return words.flatten(-2)[..., :count].to(torch.float64) / 2**32
+
+
+class Exploration:
+    """Noise on the value weights, drawn anew at each decision: random behaviours.
+
+    Uniform between 0 and ``amplitude``, which is large against learned values, so that
+    while it lasts every behaviour but the last one is about equally likely to be chosen.
+    No noise, zeros, is exploitation.
+
+    Args:
+        n: number of behaviours.
+        seed: of the experiment.
+        agents: number of each agent, an int (no batch) or a sequence of them.
+        amplitude: largest noise; the largest learned value is about the reward's area.
+    """
+
+    STREAM = 1
+
+    def __init__(
+        self, n: int, seed: int, agents: int | list[int] | Tensor = 0, amplitude: float = 10.0
+    ) -> None:
+        if not 0 <= seed <= MASK:
+            raise ValueError(f"seed={seed}: give a whole number from 0 to {MASK}")
+        if not amplitude > 0:
+            raise ValueError(f"amplitude={amplitude} must be positive: for none, pass zeros")
+        self.n, self.seed, self.amplitude = n, seed, amplitude
+        self.agents = torch.as_tensor(agents)
+        self.last: tuple[Tensor, torch.dtype] | None = None
+
+    def __call__(self, decisions: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
+        """Noise ``(*batch, n, n)`` for the number of decisions each agent has taken."""
+        if self.last is None or self.last[1] != dtype or not torch.equal(self.last[0], decisions):
+            agents = self.agents.to(decisions.device)
+            draws = keyed_uniform(self.seed, agents, decisions, self.n * self.n, self.STREAM)
+            self.noise = (self.amplitude * draws).to(dtype).unflatten(-1, (self.n, self.n))
+            self.last = (decisions.clone(), dtype)
+        return self.noise
