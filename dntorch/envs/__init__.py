@@ -1,0 +1,38 @@
+"""Worlds in which colours are found: the task, and the e-puck in its ring of blocks.
+
+The task needs PyTorch alone; the e-puck needs Gymnasium and PyBullet, which
+``pip install 'dntorch[sim]'`` brings. Importing this package registers
+``dntorch/EPuck-v0`` where Gymnasium is installed.
+"""
+
+from importlib import import_module
+from importlib.util import find_spec
+
+from dntorch.envs.task import NOTHING, SequenceTask, TaskState
+
+#: What needs NumPy, Gymnasium or PyBullet is imported when it is first asked for.
+_LATER = {
+    "Body": "body", "EPuckEnv": "epuck", "Judge": "judge", "Light": "layout", "Pose": "body",
+    "Ring": "layout",
+}  # fmt: skip
+
+__all__ = ["NOTHING", "SequenceTask", "TaskState", "register", *_LATER]
+
+
+def register() -> None:
+    """Make ``dntorch/EPuck-v0`` known to ``gymnasium.make``; harmless twice."""
+    if find_spec("gymnasium") is None:
+        return
+    import gymnasium
+
+    if "dntorch/EPuck-v0" not in gymnasium.registry:
+        gymnasium.register("dntorch/EPuck-v0", entry_point="dntorch.envs.epuck:EPuckEnv")
+
+
+def __getattr__(name: str) -> object:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"dntorch.envs.{_LATER[name]}"), name)
+
+
+register()

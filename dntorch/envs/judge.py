@@ -1,0 +1,78 @@
+"""Who says that a colour was found: the world, from where the robot truly looks."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dntorch.envs.body import check_positive
+from dntorch.envs.task import NOTHING
+
+
+class JudgeState(NamedTuple):
+    block: int = NOTHING
+    """The block that is visited: the camera's axis is within its tolerance."""
+    still: int = 0
+    """Steps without a break in which the robot looked at it and hardly turned."""
+    counted: bool = False
+    """Whether this visit was already counted."""
+
+
+class Verdict(NamedTuple):
+    found: int
+    """The block found in this step, or ``NOTHING``."""
+    centered: int
+    """The block within tolerance in this step, or ``NOTHING``."""
+    bearing: float
+    """rad, of the nearest block."""
+
+
+class Judge:
+    """Counts a block as found when the robot has come to rest before it.
+
+    A block is *found* when its bearing has stayed within ``tolerance`` while the robot
+    turned slower than ``dwell_rate`` for ``dwell`` seconds without a break. A visit counts
+    once and ends when the bearing leaves the tolerance; a block that merely passes while
+    the robot scans never counts. Blocks, not colours: the judge knows neither what the
+    robot looks for nor what it believes.
+
+    Args:
+        tolerance: rad, largest bearing to either side.
+        dwell: s.
+        dwell_rate: rad/s.
+        dt: s, one control step.
+
+    Raises:
+        ValueError: an argument is not positive and finite.
+    """
+
+    def __init__(
+        self,
+        tolerance: float = math.radians(4),
+        dwell: float = 0.5,
+        dwell_rate: float = 0.1,
+        dt: float = 1 / 32,
+    ) -> None:
+        check_positive(tolerance=tolerance, dwell=dwell, dwell_rate=dwell_rate, dt=dt)
+        self.tolerance, self.dwell_rate = tolerance, dwell_rate
+        self.steps = max(1, round(dwell / dt))
+
+    def step(
+        self, bearings: np.ndarray, yaw_rate: float, state: JudgeState
+    ) -> tuple[Verdict, JudgeState]:
+        """One control step.
+
+        Args:
+            bearings: rad, of every block, 0 straight ahead, ``(blocks,)``.
+            yaw_rate: rad/s.
+            state: ``JudgeState()`` at first.
+        """
+        nearest = int(np.abs(bearings).argmin())
+        bearing = float(bearings[nearest])
+        if abs(bearing) > self.tolerance:
+            return Verdict(NOTHING, NOTHING, bearing), JudgeState()
+        _, still, counted = state if state.block == nearest else JudgeState()
+        still = still + 1 if abs(yaw_rate) < self.dwell_rate else 0
+        found = still >= self.steps and not counted
+        verdict = Verdict(nearest if found else NOTHING, nearest, bearing)
+        return verdict, JudgeState(nearest, still, counted or found)

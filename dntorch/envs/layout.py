@@ -1,0 +1,89 @@
+"""What stands around the robot and how it is lit."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dntorch.envs.body import check_positive
+
+SHAPES = ("box", "cylinder", "sphere")
+
+
+@dataclass(frozen=True)
+class Light:
+    """One lamp far away. The defaults are white and keep painted hues within one degree.
+
+    Raises:
+        ValueError: a direction of length 0, or a colour or coefficient outside 0 to 1.
+    """
+
+    direction: tuple[float, float, float] = (0.5, 0.3, 1.0)
+    """from the floor to the lamp; z is up"""
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """red, green, blue, each 0 to 1"""
+    ambient: float = 0.6
+    diffuse: float = 0.35
+    specular: float = 0.0
+    shadow: bool = False
+    """drawing shadows takes about three times as long"""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.direction).all() and np.any(self.direction)):
+            raise ValueError(
+                f"direction={self.direction!r} points nowhere: give a vector (x, y, z)"
+            )
+        parts = {"ambient": self.ambient, "diffuse": self.diffuse, "specular": self.specular}
+        for name, value in {"color": self.color, **parts}.items():
+            if not all(0 <= part <= 1 for part in np.ravel(value)):
+                raise ValueError(f"{name}={value!r} is outside its range: give values from 0 to 1")
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Blocks spread evenly on a circle around the robot.
+
+    Block ``k`` stands at ``(k + 1/2)`` parts of the circle, so that a robot that starts
+    with yaw 0 looks between two blocks and has found nothing by standing still.
+
+    Raises:
+        ValueError: unknown shape, sizes not positive, or blocks that do not fit.
+    """
+
+    blocks: int = 16
+    radius: float = 0.40
+    """m, from the robot to the middle of a block"""
+    block_size: float = 0.08
+    """m, width and height"""
+    block_shape: str = "box"
+    """``box``, ``cylinder``, ``sphere``, or ``mixed``: the three in turn"""
+
+    def __post_init__(self) -> None:
+        check_positive(blocks=self.blocks, radius=self.radius, block_size=self.block_size)
+        if self.block_shape not in (*SHAPES, "mixed"):
+            raise ValueError(
+                f"block_shape={self.block_shape!r} is unknown: choose from {(*SHAPES, 'mixed')}"
+            )
+        # Boxes turn a face to the robot, so the inner faces are where they meet first.
+        inner = self.radius - self.block_size / 2
+        if inner < 0.1 or (
+            self.blocks > 1 and 2 * inner * math.tan(math.pi / self.blocks) < self.block_size
+        ):
+            raise ValueError(
+                f"blocks={self.blocks} of block_size={self.block_size} do not fit at "
+                f"radius={self.radius}: give fewer or smaller blocks or a larger radius"
+            )
+
+    @property
+    def angles(self) -> np.ndarray:
+        """rad, direction of every block seen from the middle."""
+        return (np.arange(self.blocks) + 0.5) * (2 * math.pi / self.blocks)
+
+    @property
+    def centers(self) -> np.ndarray:
+        """m, ``(blocks, 2)``."""
+        return self.radius * np.stack((np.cos(self.angles), np.sin(self.angles)), axis=1)
+
+
+#: White light from above, without shadows.
+DAYLIGHT = Light()

@@ -1,0 +1,87 @@
+"""The task of the paper: reward follows when colours were found in one particular order.
+
+Shared by all worlds. The task only sees what the *world* judged as found, never
+what an agent says of itself.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from dntorch.colors import PAPER, indices
+
+NOTHING = -1
+"""What ``found`` holds for an agent that found nothing in this step."""
+
+
+class TaskState(NamedTuple):
+    recent: Tensor
+    """Last found colours, oldest first, ``(*batch, length)``, int64, ``NOTHING`` at first."""
+    remaining: Tensor
+    """Control steps of reward still to come, ``(*batch,)``, int64."""
+
+
+class SequenceTask:
+    """Reward of size ``reward`` for ``duration`` seconds each time ``sequence`` is completed.
+
+    The last colour of one sequence counts as the first of the next: who repeats
+    G-B-Y-R-G-B-Y-R-G … is rewarded every four behaviours.
+
+    Args:
+        sequence: letters of the rewarded order; none may follow itself.
+        colors: letters of the repertoire; ``found`` holds positions in it.
+        reward: size of the reward signal, per step (not per second).
+        duration: its length in seconds ("a few time steps" in the paper).
+        dt: seconds a control step.
+
+    Raises:
+        ValueError: unknown or repeated letters, ``duration`` shorter than a step.
+    """
+
+    def __init__(
+        self,
+        sequence: str = "GBYRG",
+        colors: str = PAPER,
+        reward: float = 2.0,
+        duration: float = 1.0,
+        dt: float = 1 / 32,
+    ) -> None:
+        self.sequence, self.colors, self.reward, self.dt = sequence, colors, reward, dt
+        self.target = torch.tensor(indices(sequence, colors))
+        self.steps = round(duration / dt)
+        if self.steps < 1:
+            raise ValueError(f"duration={duration} is shorter than a step: give at least dt={dt}")
+
+    @property
+    def period(self) -> int:
+        """Behaviours from one reward to the next at best: 4 for G-B-Y-R-G, whose ends overlap."""
+        length = len(self.sequence)
+        shifts = range(1, length)
+        return next((k for k in shifts if self.sequence[k:] == self.sequence[:-k]), length)
+
+    def initial(self, batch: tuple[int, ...] = ()) -> TaskState:
+        return TaskState(
+            torch.full((*batch, len(self.sequence)), NOTHING),
+            torch.zeros(batch, dtype=torch.int64),
+        )
+
+    def step(self, found: Tensor, state: TaskState) -> tuple[Tensor, Tensor, TaskState]:
+        """One control step.
+
+        Args:
+            found: colour found in this step or ``NOTHING``, ``(*batch,)``, int64.
+
+        Returns:
+            reward ``(*batch,)``, completed ``(*batch,)`` (true in the step that completes
+            the sequence, which is also the first with reward), and the next state.
+        """
+        found = found.unsqueeze(-1)
+        shifted = torch.cat((state.recent[..., 1:], found), dim=-1)
+        recent = torch.where(found == NOTHING, state.recent, shifted)
+        completed = (found[..., 0] != NOTHING) & (recent == self.target).all(-1)
+        remaining = torch.where(completed, self.steps, state.remaining)
+        reward = self.reward * (remaining > 0).to(torch.get_default_dtype())
+        return reward, completed, TaskState(recent, (remaining - 1).clamp_min(0))
