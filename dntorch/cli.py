@@ -1,0 +1,30 @@
+"""The command line: ``dntorch learn``."""
+
+import sys
+
+
+def main() -> None:
+    """Entry point: errors of the user are one line on standard error and exit code 2."""
+    try:
+        import click
+
+        from dntorch.commands import dntorch
+    except ImportError as error:
+        sys.exit(_fail(f"{error}: run pip install 'dntorch[cli,sim]'"))
+    try:
+        sys.exit(dntorch.main(standalone_mode=False))
+    except click.ClickException as error:
+        sys.exit(_fail(error.format_message()))
+    except (click.Abort, KeyboardInterrupt):
+        sys.exit(130)
+    except (ValueError, OSError, ImportError) as error:
+        sys.exit(_fail(str(error)))
+
+
+def _fail(message: str) -> int:
+    print("dntorch: " + " ".join(message.split()), file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,195 @@
+"""What the commands do, and their options."""
+
+import os
+import signal
+from pathlib import Path
+
+import click
+import torch
+from tqdm import tqdm
+
+import dntorch as library
+from dntorch.experiments import learn as learning
+from dntorch.experiments.config import WORLDS, Config
+from dntorch.experiments.trial import Trial
+
+#: A seed with which the default run finds the sequence while it explores.
+DEFAULT_SEED = 0
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(library.__version__)
+def dntorch() -> None:
+    """Neural dynamics that learn behaviour."""
+    # Settings of the process: silent cells must not decay into slow denormal numbers, and
+    # operations on a few nodes are fastest, and always the same, on one thread.
+    torch.set_flush_denormal(True)
+    torch.set_num_threads(1)
+
+
+@dntorch.command()
+@click.option(
+    "--world",
+    type=click.Choice(WORLDS),
+    default="epuck",
+    show_default=True,
+    help="PyBullet with a camera, or abstract behaviours.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=DEFAULT_SEED,
+    show_default=True,
+    help="Of layout, exploration and durations.",
+)
+@click.option(
+    "--explore",
+    type=int,
+    default=Config.explore,
+    show_default=True,
+    help="Control steps of exploration (32 a second).",
+)
+@click.option(
+    "--steps", type=int, default=Config.steps, show_default=True, help="Control steps in all."
+)
+@click.option(
+    "--sequence",
+    default=Config.sequence,
+    show_default=True,
+    help="Colours that are rewarded in this order.",
+)
+@click.option(
+    "--colors", default=Config.colors, show_default=True, help="Colours to look for, of ROYGCBVM."
+)
+@click.option("--camera", default="52x39", show_default=True, help="Image size, WIDTHxHEIGHT.")
+@click.option(
+    "--integrator",
+    type=click.Choice(["euler", "heun"]),
+    default="euler",
+    show_default=True,
+    help="Of the neural dynamics.",
+)
+@click.option(
+    "--substeps", type=int, default=1, show_default=True, help="Integrator steps in a control step."
+)
+@click.option(
+    "--learning-rate",
+    type=float,
+    default=Config.learning_rate,
+    show_default=True,
+    help="Per second.",
+)
+@click.option(
+    "--dt", type=float, default=Config.dt, show_default=True, help="Seconds a control step."
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="New folder for the run.  [default: runs/WORLD-seedSEED]",
+)
+@click.option(
+    "--resume",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder of a run to go on with; it keeps the options it began with.",
+)
+@click.option(
+    "--checkpoint-every",
+    type=click.IntRange(1),
+    default=5_000,
+    show_default=True,
+    help="Control steps between two checkpoints.",
+)
+@click.option("--video/--no-video", default=True, show_default=True, help="Film the trained agent.")
+@click.pass_context
+def learn(context, out, resume, checkpoint_every, video, camera, **options) -> None:
+    """Train one agent and write a report.
+
+    It explores at random, then exploits what it learned, and learns all along. The folder
+    gets results.json, checkpoint.pt, record.npz, figures, a video and report.html.
+    """
+    if resume:
+        _refuse_options(context)
+        trial, folder = Trial.load(resume / learning.CHECKPOINT), resume
+    else:
+        width, height = _size(camera)
+        config = Config(**options, width=width, height=height)
+        folder = _new_folder(out or Path("runs") / f"{config.world}-seed{config.seed}")
+        trial = Trial(config)
+        trial.save(folder / learning.CHECKPOINT)
+    _train(trial, folder, checkpoint_every, video)
+
+
+def _train(trial: Trial, folder: Path, checkpoint_every: int, video: bool) -> None:
+    # A polite request to end (kill, a job scheduler) saves as Ctrl-C does.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    begun_at, config = trial.step, trial.config
+    with tqdm(total=config.steps, initial=begun_at, unit="step", smoothing=0.1) as bar:
+
+        def progress(trial: Trial, steps: int) -> None:
+            bar.set_description("explore" if trial.step <= config.explore else "exploit", False)
+            bar.set_postfix(
+                behaviors=len(trial.record.behaviors), rewards=len(trial.record.rewards),
+                refresh=False,
+            )  # fmt: skip
+            bar.update(steps)
+
+        try:
+            seconds = learning.train(trial, folder, checkpoint_every, progress)
+        except KeyboardInterrupt:
+            bar.close()
+            click.echo(f"stopped; go on with: dntorch learn --resume {folder}", err=True)
+            raise
+    trial.close()
+    results = learning.results(trial, trial.step - begun_at, seconds)
+    learning.write_results(trial, folder, results)
+    report = _report(trial, folder, results, video)
+    click.echo(
+        f"{results['behaviors']} behaviours, {len(results['rewards'])} rewards, optimal at the "
+        f"end: {'yes' if results['optimal_at_end'] else 'no'}\nreport: {report}"
+    )
+
+
+def _report(trial: Trial, folder: Path, results: dict, video: bool) -> Path:
+    from dntorch.experiments.figures import write_figures
+    from dntorch.experiments.report import write_report
+    from dntorch.experiments.video import write_video
+
+    click.echo("drawing figures and film ...", err=True)
+    write_figures(trial.record, trial.config, folder)
+    if video and trial.config.world == "epuck":
+        write_video(trial.agent, trial.config, folder / "video.webm")
+    return write_report(folder, results, trial.config)
+
+
+def _refuse_options(context: click.Context) -> None:
+    kept = {"resume", "checkpoint_every", "video"}
+    for name in context.params.keys() - kept:
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            option = "--" + name.replace("_", "-")
+            raise ValueError(
+                f"{option} cannot be given with --resume, which keeps the options the run began "
+                f"with: leave {option} out"
+            )
+
+
+def _size(camera: str) -> tuple[int, int]:
+    width, _, height = camera.partition("x")
+    if not (width.isdigit() and height.isdigit()):
+        raise ValueError(f"--camera={camera!r} is no image size: give WIDTHxHEIGHT, such as 52x39")
+    return int(width), int(height)
+
+
+def _new_folder(folder: Path) -> Path:
+    if (folder / learning.CHECKPOINT).exists():
+        raise ValueError(
+            f"{folder} holds a run already: go on with --resume {folder} or name another --out"
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(
+            f"--out={folder} cannot be made ({error.strerror}): name another"
+        ) from error
+    if not os.access(folder, os.W_OK):
+        raise ValueError(f"--out={folder} cannot be written to: name another folder")
+    return folder

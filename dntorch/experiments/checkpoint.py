@@ -1,0 +1,83 @@
+"""Files that are whole or absent, and hold all that a run needs to go on."""
+
+import os
+import pickle
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import torch
+
+FORMAT = 1
+
+
+def write_atomically(path: Path, write: Callable[[BinaryIO], None]) -> None:
+    """Write a file under another name, flush it to disk, then give it its own.
+
+    Killed at any moment, ``path`` holds the old content or the new, never a part.
+    """
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def save(path: Path, content: dict[str, Any]) -> None:
+    """Save numbers, strings, tensors, arrays and bytes in nested dicts and lists."""
+    plain = _map(content, _pack) | {"format": FORMAT}
+    write_atomically(path, lambda file: torch.save(plain, file))
+
+
+def load(path: Path) -> dict[str, Any]:
+    """Load what `save` saved, without running any code that the file might bring.
+
+    Raises:
+        ValueError: there is no checkpoint, or it is damaged or of another format.
+    """
+    try:
+        content = torch.load(path, weights_only=True, map_location="cpu")
+    except FileNotFoundError:
+        raise ValueError(f"{path} does not exist: name a folder that holds a run") from None
+    except (OSError, EOFError, RuntimeError, pickle.UnpicklingError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ValueError(f"{path} is no readable checkpoint ({reason}): take another") from error
+    if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
+        raise ValueError(f"{path} is no checkpoint of format {FORMAT}: take another")
+    return _map(content, _unpack)
+
+
+def _map(value: Any, leaf: Callable[[Any], Any]) -> Any:
+    packed = leaf(value)
+    if packed is not value:
+        return packed
+    if isinstance(value, dict):
+        return {k: _map(v, leaf) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return type(value)(_map(v, leaf) for v in value)
+    return value
+
+
+def _pack(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return {"__array__": torch.from_numpy(value.copy())}
+    if isinstance(value, (bytes, bytearray)):
+        return {"__bytes__": torch.frombuffer(bytearray(value), dtype=torch.uint8)}
+    if isinstance(value, np.generic):
+        return value.item()
+    return value
+
+
+def _unpack(value: Any) -> Any:
+    if isinstance(value, dict) and set(value) == {"__array__"}:
+        return value["__array__"].numpy()
+    if isinstance(value, dict) and set(value) == {"__bytes__"}:
+        return value["__bytes__"].numpy().tobytes()
+    return value

@@ -1,0 +1,95 @@
+"""One run, as numbers: which world, which task, how long, with which parameters."""
+
+from dataclasses import dataclass
+
+from dntorch.cells.integrators import check_integrator
+from dntorch.colors import PAPER, check_colors, check_sequence
+from dntorch.modules.find_color import FindColor
+from dntorch.modules.hebbian import HebbianQ
+from dntorch.modules.learner import Learner
+from dntorch.modules.sarsa import DNSarsa
+from dntorch.modules.working_memory import ItemOrderWM
+from dntorch.noise import Exploration
+
+WORLDS = ("epuck", "nodes")
+
+
+@dataclass(frozen=True)
+class Config:
+    """What a run depends on; the same config gives the same numbers.
+
+    Raises:
+        ValueError: a value that makes no run; the sentence says what to give.
+    """
+
+    world: str = "epuck"
+    """``epuck``, the PyBullet world, or ``nodes``, the abstract one"""
+    seed: int = 0
+    """of layout, exploration and durations"""
+    explore: int = 50_000
+    """control steps of exploration, as in the paper"""
+    steps: int = 100_000
+    """control steps in all; the rest is exploitation"""
+    sequence: str = "GBYRG"
+    colors: str = PAPER
+    dt: float = 1 / 32
+    """s, a control step"""
+    substeps: int = 1
+    """integrator steps in a control step"""
+    integrator: str = "euler"
+    learning_rate: float = 0.06
+    """1/s"""
+    trace_tau: float = 1.0
+    """s, time constant of the item-and-order memory"""
+    reward: float = 2.0
+    """size of the reward signal"""
+    reward_duration: float = 1.0
+    """s, its length"""
+    noise: float = 10.0
+    """amplitude of exploration on the value weights"""
+    width: int = 52
+    """px, of the camera image"""
+    height: int = 39
+    """px"""
+
+    def __post_init__(self) -> None:
+        if self.world not in WORLDS:
+            raise ValueError(f"world={self.world!r}: choose from {', '.join(WORLDS)}")
+        check_sequence(self.sequence, check_colors(self.colors))
+        check_integrator(self.integrator, self.substeps)
+        if self.steps < 1:
+            raise ValueError(f"steps={self.steps}: run for at least one step")
+        if not 0 <= self.explore <= self.steps:
+            raise ValueError(
+                f"explore={self.explore} is not within steps={self.steps}: explore for fewer steps "
+                "or run for more"
+            )
+
+    @property
+    def fine(self) -> float:
+        """Seconds an integrator step."""
+        return self.dt / self.substeps
+
+
+def build_agent(config: Config) -> DNSarsa:
+    """The agent of a run, without batch, at rest, knowing nothing."""
+    n, dt = len(config.colors), config.fine
+    camera = config.world == "epuck"
+    return DNSarsa(
+        n,
+        sensorimotor=FindColor(config.colors, dt=dt) if camera else None,
+        learner=Learner(
+            n,
+            trace=ItemOrderWM(n, tau=config.trace_tau, dt=dt),
+            values=HebbianQ(n, learning_rate=config.learning_rate, dt=dt),
+            dt=dt,
+        ),
+        dt=config.dt,
+        substeps=config.substeps,
+        integrator=config.integrator,
+    )
+
+
+def build_exploration(config: Config) -> Exploration:
+    """The noise of a run while it explores."""
+    return Exploration(len(config.colors), config.seed, amplitude=config.noise)

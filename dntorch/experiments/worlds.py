@@ -1,0 +1,106 @@
+"""The worlds of a run behind one face: tensors in, tensors out, a state that can be saved."""
+
+from typing import Any, NamedTuple, Protocol
+
+import torch
+from torch import Tensor
+
+from dntorch.envs.nodes import NodesState, NodesWorld
+from dntorch.envs.task import SequenceTask, TaskState
+from dntorch.experiments.config import Config
+
+
+class Outcome(NamedTuple):
+    """What a world answers to an action."""
+
+    observation: Tensor
+    reward: Tensor
+    found: int
+    """position of the colour found in this step, or -1"""
+    completed: bool
+    """the rewarded sequence was completed in this step"""
+
+
+class World(Protocol):
+    """One world for one agent."""
+
+    def reset(self) -> Tensor: ...
+    def step(self, action: Tensor) -> Outcome: ...
+    def snapshot(self) -> dict[str, Any]: ...
+    def restore(self, snapshot: dict[str, Any]) -> None: ...
+    def close(self) -> None: ...
+
+
+def build_world(config: Config) -> World:
+    return EPuck(config) if config.world == "epuck" else Nodes(config)
+
+
+class Nodes:
+    """The abstract world."""
+
+    def __init__(self, config: Config) -> None:
+        task = SequenceTask(
+            config.sequence, config.colors, config.reward, config.reward_duration, config.dt
+        )
+        self.world = NodesWorld(task, config.seed)
+        self.state = self.world.initial()
+
+    def reset(self) -> Tensor:
+        self.state = self.world.initial()
+        return torch.zeros(self.world.n)
+
+    def step(self, action: Tensor) -> Outcome:
+        step, self.state = self.world.step(action, self.state)
+        return Outcome(step.observation, step.reward, int(step.found), bool(step.completed))
+
+    def snapshot(self) -> dict[str, Any]:
+        *own, task = self.state
+        return {"own": list(own), "task": list(task)}
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        self.state = NodesState(*snapshot["own"], TaskState(*snapshot["task"]))
+
+    def close(self) -> None:
+        pass
+
+
+class EPuck:
+    """The PyBullet world, seen through the camera alone."""
+
+    def __init__(self, config: Config, render_mode: str | None = None) -> None:
+        from dntorch.envs.body import Body  # numpy, gymnasium and pybullet are an extra
+        from dntorch.envs.epuck import EPuckEnv
+
+        self.seed = config.seed
+        self.env = EPuckEnv(
+            sequence=config.sequence,
+            colors=config.colors,
+            reward=config.reward,
+            reward_duration=config.reward_duration,
+            dt=config.dt,
+            body=Body(width=config.width, height=config.height),
+            render_mode=render_mode,
+        )
+
+    def reset(self) -> Tensor:
+        observation, _ = self.env.reset(seed=self.seed)
+        return torch.from_numpy(observation["image"])
+
+    def step(self, action: Tensor) -> Outcome:
+        observation, reward, _, _, info = self.env.step(action.numpy())
+        return Outcome(
+            torch.from_numpy(observation["image"]),
+            torch.tensor(reward, dtype=torch.float32),
+            int(info["found"]),
+            bool(info["completed"]),
+        )
+
+    def snapshot(self) -> dict[str, Any]:
+        return self.env.state_dict()
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        self.env.reset(seed=self.seed)
+        self.env.load_state_dict(snapshot)
+
+    def close(self) -> None:
+        self.env.close()
