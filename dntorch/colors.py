@@ -29,7 +29,7 @@ def check_colors(colors: str) -> str:
             f"colors={colors!r} has the unknown letter {unknown[0]!r}: choose from {''.join(HUES)}"
         )
     if len(colors) < 2 or len(set(colors)) < len(colors):
-        raise ValueError(f"colors={colors!r}: give two or more different letters, such as {PAPER!r}")
+        raise ValueError(f"colors={colors!r}: give two or more different letters, as {PAPER!r}")
     return colors
 
 
@@ -50,8 +50,8 @@ def check_sequence(sequence: str, colors: str) -> str:
     for first, second in zip(sequence, sequence[1:]):
         if first == second:
             raise ValueError(
-                f"sequence={sequence!r} repeats {first!r} at once: a behaviour cannot follow itself, "
-                "put another letter between"
+                f"sequence={sequence!r} repeats {first!r} at once: a behaviour cannot follow "
+                "itself, put another letter between"
             )
     return sequence
 

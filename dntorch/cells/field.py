@@ -13,21 +13,12 @@ from typing import NamedTuple
 from torch import Tensor
 from torch.nn.functional import linear
 
-from dntorch.cells.functions import abs_sigmoid, heaviside, logistic
+from dntorch.cells.functions import sigmoid
 
 
 class FieldState(NamedTuple):
     u: Tensor
     """Activation, ``(*batch, *shape)``."""
-
-
-def firing_rate(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
-    """Output :math:`f(u)`: `dntorch.cells.functions.sigmoid`, in the form TorchScript takes."""
-    if kind == "logistic":
-        return logistic(u, steepness, threshold)
-    if kind == "abs":
-        return abs_sigmoid(u, steepness, threshold)
-    return heaviside(u, threshold)
 
 
 def separable(output: Tensor, kernels: list[Tensor], term: int) -> Tensor:
@@ -64,7 +55,7 @@ def field_target(
     threshold: float,
 ) -> Tensor:
     """Where the leak pulls ``u``: all of the right-hand side but ``-u``."""
-    output = firing_rate(state.u, kind, steepness, threshold)
+    output = sigmoid(state.u, kind, steepness, threshold)
     return lateral(output, kernels, everywhere) + input + h
 
 

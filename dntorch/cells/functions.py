@@ -46,4 +46,4 @@ def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
         return logistic(u, steepness, threshold)
     if kind == "heaviside":
         return heaviside(u, threshold)
-    raise ValueError(f"kind={kind!r} is no sigmoid: choose 'abs', 'logistic' or 'heaviside'")
+    raise ValueError(f"kind='{kind}' is no sigmoid: choose 'abs', 'logistic' or 'heaviside'")

@@ -83,7 +83,7 @@ class EPuckEnv(gymnasium.Env):
         reward: float = 2.0,
         reward_duration: float = 1.0,
         dt: float = 1 / 32,
-        substeps: int = 8,
+        substeps: int = 4,
         blocks: int | None = None,
         block_size: float = 0.08,
         block_shape: str = "box",

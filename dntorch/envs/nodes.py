@@ -62,8 +62,8 @@ class NodesWorld:
         agents: int | list[int] | Tensor = 0,
         shortest: float = 1.5,
         longest: float = 6.0,
-        dwell: float = 0.5,
-        linger: float = 0.5,
+        dwell: float = 0.6,
+        linger: float = 0.6,
     ) -> None:
         if linger < dwell:
             raise ValueError(f"linger={linger} is shorter than dwell={dwell}: found could fail")

@@ -1,10 +1,11 @@
 """What happened in a run, step by step."""
 
 import numpy as np
+from torch import Tensor
 
 from dntorch.envs.task import NOTHING
 from dntorch.experiments.worlds import Outcome
-from dntorch.modules.sarsa import DNSarsa
+from dntorch.modules.learner import LearnerState
 
 LOOK_BACK, SHARE = 40, 0.9
 """An agent is *optimal* with nine in ten of the rewards that its last 40 behaviours could
@@ -54,11 +55,11 @@ class Record:
         for name, array in arrays.items():
             getattr(self, name)[: len(array)] = array
 
-    def write(self, agent: DNSarsa, outcome: Outcome) -> None:
-        """Append one step."""
+    def write(
+        self, intention: Tensor, satisfaction: Tensor, learner: LearnerState, outcome: Outcome
+    ) -> None:
+        """Append one step: firing rates, the learner's state and what the world answered."""
         t = self.length
-        intention, satisfaction = agent.behaviors.output(agent.behaviors.state)
-        learner = agent.learner
         self.intention[t] = intention.numpy()
         self.satisfaction[t] = satisfaction.numpy()
         self.trace[t] = learner.trace.u.numpy()
@@ -70,7 +71,7 @@ class Record:
         if came_on.any():
             self.reported[t] = came_on.argmax()
         if t % self.SPARSE == 0:
-            self.weights[t // self.SPARSE] = agent.weights.numpy()
+            self.weights[t // self.SPARSE] = learner.values.weights.numpy()
         self.length += 1
 
     # ------------------------------------------------------------------ what it says

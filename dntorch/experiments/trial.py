@@ -41,13 +41,15 @@ class Trial:
     def advance(self, steps: int) -> None:
         """Take up to ``steps`` control steps, not beyond the end of the run."""
         none = torch.zeros_like(self.agent.weights)
+        state = self.agent.state
         for step in range(self.step, min(self.step + steps, self.config.steps)):
             exploring = step < self.config.explore
-            noise = self.exploration(self.agent.decisions) if exploring else none
-            action = self.agent(self.observation, self.reward, noise)
+            noise = self.exploration(state.decisions) if exploring else none
+            action, state = self.agent.step(self.observation, self.reward, noise, state)
             outcome = self.world.step(action)
-            self.record.write(self.agent, outcome)
+            self.record.write(*self.agent.behaviors.output(state.behaviors), state.learner, outcome)
             self.observation, self.reward = outcome.observation, outcome.reward
+        self.agent.state = state
 
     def close(self) -> None:
         self.world.close()

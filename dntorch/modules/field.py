@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dntorch.cells.field import FieldState, field_step, firing_rate
+from dntorch.cells.field import FieldState, field_step
 from dntorch.cells.functions import sigmoid
 from dntorch.cells.integrators import check_integrator, halfway
 from dntorch.cells.kernels import SELECTIVE, Kernel, assemble
@@ -28,11 +28,11 @@ class DNF(Dynamics):
     :math:`f`       ``kind``             1     sigmoid: "logistic", "abs" or "heaviside"
     :math:`\beta`   ``steepness``        1     of the sigmoid
     :math:`\mu`     ``threshold``        1     of the sigmoid
-    |               ``border``           --    "circular" or "zero", one for all or one an axis
-    |               ``dt, substeps``     s, 1  seconds a step, and parts that it is split into
-    |               ``integrator``       --    "euler", or "heun": the mean of the state and
+    \               ``border``           --    "circular" or "zero", one for all or one an axis
+    \               ``dt, substeps``     s, 1  seconds a step, and parts that it is split into
+    \               ``integrator``       --    "euler", or "heun": the mean of the state and
                                                two Euler steps, ``0.5 * (x + E(E(x)))``
-    |               ``dtype``            --    of the buffers, kernels built in float64
+    \               ``dtype``            --    of the buffers, kernels built in float64
     ==============  ===================  ====  ================================================
 
     Shapes: input and output ``(*batch, *shape)``; two dimensions are ``(y, x)``; the output
@@ -118,7 +118,7 @@ class DNF(Dynamics):
 
     def output(self, state: FieldState) -> Tensor:
         """Firing rate :math:`f(u)`."""
-        return firing_rate(state.u, self.kind, self.steepness, self.threshold)
+        return sigmoid(state.u, self.kind, self.steepness, self.threshold)
 
     def euler(self, input: Tensor, state: FieldState) -> FieldState:
         """One Euler step of ``dt / substeps`` seconds."""

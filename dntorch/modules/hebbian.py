@@ -69,10 +69,21 @@ class HebbianQ(Dynamics):
 
     @state.setter
     def state(self, state: HebbianState) -> None:
+        if self.weights.shape != state.weights.shape:
+            raise ValueError(
+                f"weights of shape {list(state.weights.shape)} do not fit the memory of shape "
+                f"{list(self.weights.shape)}: call spread(*batch) to give each its own"
+            )
         overwrite(self.weights, state.weights)
 
     def initial(self, batch: list[int]) -> HebbianState:
         """What has been learned, for each member of ``batch``."""
+        own = list(self.weights.shape[:-2])
+        if batch[len(batch) - len(own) :] != own:
+            raise ValueError(
+                f"batch={batch} does not fit weights of batch {own}: call select(k) to keep those "
+                "of one first"
+            )
         return HebbianState(self.weights.expand(batch + [self.n, self.n]).clone())
 
     @torch.jit.export
