@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dntorch.envs.body import Body, Pose
 from dntorch.envs.scene import Scene
+from dntorch.robot.body import Body, Pose
 
 
 class Pin:

@@ -11,13 +11,13 @@ from gymnasium import spaces
 
 from dntorch.colors import HUES, PAPER, check_colors
 from dntorch.envs import sensors
-from dntorch.envs.body import EPUCK, STEPS_PER_TURN, Body, Pose, check_positive
 from dntorch.envs.drive import Free, Pin
 from dntorch.envs.judge import NOTHING, Judge, JudgeState, Verdict
 from dntorch.envs.layout import DAYLIGHT, Light, Ring
 from dntorch.envs.scene import Scene
 from dntorch.envs.spectator import Spectator
 from dntorch.envs.task import SequenceTask, TaskState
+from dntorch.robot.body import EPUCK, STEPS_PER_TURN, Body, Pose, check_positive
 
 PIVOTS = ("free", "kinematic")
 
