@@ -3,7 +3,27 @@
 import pytest
 import torch
 
+#: Tests that may be skipped, and why: nothing else is skipped unseen by `make test`.
+MAY_SKIP = {
+    "tests/test_dnfc_data.py": "third-party field runs that are not part of this repository",
+}
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--no-unlisted-skips", action="store_true", help="fail when a test that MAY_SKIP lacks is"
+    )
+
 
 @pytest.fixture(autouse=True)
 def _doctest_names(doctest_namespace: dict) -> None:
     doctest_namespace["torch"] = torch
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    skipped = {report.nodeid for report in reporter.stats.get("skipped", [])}
+    unlisted = sorted(name for name in skipped if name.split("::")[0] not in MAY_SKIP)
+    if session.config.getoption("--no-unlisted-skips") and unlisted:
+        session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED
+        reporter.line("skipped, but not on the list in conftest.py: " + ", ".join(unlisted))

@@ -7,6 +7,7 @@ sequence of behaviours from delayed reward in continuous time.
 
 from importlib.metadata import PackageNotFoundError, version
 
+from dntorch import envs
 from dntorch.cells.kernels import Gauss, Global
 from dntorch.dynamics import Dynamics
 from dntorch.modules.behaviors import ElementaryBehaviors
@@ -45,4 +46,5 @@ __all__ = [
     "TPCell",
     "ValueNodes",
     "ValueOpposition",
+    "envs",
 ]

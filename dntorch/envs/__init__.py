@@ -1,6 +1,6 @@
 """Worlds in which colours are found: the task, and the e-puck in its ring of blocks.
 
-The task needs PyTorch alone; the e-puck needs Gymnasium and PyBullet, which
+The task and the abstract world need PyTorch alone; the e-puck needs Gymnasium and PyBullet, which
 ``pip install 'dntorch[sim]'`` brings. Importing this package registers
 ``dntorch/EPuck-v0`` where Gymnasium is installed.
 """
@@ -8,15 +8,18 @@ The task needs PyTorch alone; the e-puck needs Gymnasium and PyBullet, which
 from importlib import import_module
 from importlib.util import find_spec
 
+from dntorch.envs.nodes import NodesState, NodesStep, NodesWorld
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
 
 #: What needs NumPy, Gymnasium or PyBullet is imported when it is first asked for.
 _LATER = {
-    "Body": "body", "EPuckEnv": "epuck", "Judge": "judge", "Light": "layout", "Pose": "body",
-    "Ring": "layout",
+    "EPuckEnv": "epuck", "Judge": "judge", "Light": "layout", "Ring": "layout",
 }  # fmt: skip
 
-__all__ = ["NOTHING", "SequenceTask", "TaskState", "register", *_LATER]
+__all__ = [
+    "NOTHING", "NodesState", "NodesStep", "NodesWorld", "SequenceTask", "TaskState", "register",
+    *_LATER,
+]  # fmt: skip
 
 
 def register() -> None:

@@ -68,8 +68,8 @@ class EPuck:
     """The PyBullet world, seen through the camera alone."""
 
     def __init__(self, config: Config, render_mode: str | None = None) -> None:
-        from dntorch.envs.body import Body  # numpy, gymnasium and pybullet are an extra
         from dntorch.envs.epuck import EPuckEnv
+        from dntorch.robot.body import Body  # numpy, gymnasium and pybullet are an extra
 
         self.seed = config.seed
         self.env = EPuckEnv(

@@ -37,7 +37,9 @@ class ItemOrderWM(Dynamics):
     Reinforcement of Behavioral Sequences in Neural Dynamics"; Grossberg 1978.
 
     **Deviations**: :math:`\tau^u` and :math:`f_P` are not given in the paper; here 1 s and
-    "the pulse itself above a threshold, else 0".
+    "the pulse itself above a threshold, else 0". The background section prints the update of
+    pairs t steps back as :math:`\gamma^t \lambda \delta`; the trace of SARSA(:math:`\lambda`),
+    and the one that this memory makes, is :math:`(\gamma\lambda)^t \delta`.
 
     >>> memory = ItemOrderWM(2)
     >>> for site in [(0, 1), (1, 0)]:  # two pulses, one after the other
