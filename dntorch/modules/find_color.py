@@ -69,6 +69,7 @@ class FindColor(Dynamics):
     """
 
     hue_bias: Tensor
+    hue_rows: Tensor
     center: Tensor
     blur: Tensor
     bearing: Tensor
@@ -99,7 +100,7 @@ class FindColor(Dynamics):
         unit = columns / 52
         shape = (hues, columns)
         border = ("circular", "zero")
-        kernel = (Gauss(0.4 / unit, (0.8, 2.5 * unit), normalized=False), Global(-0.15 / unit))
+        kernel = (Gauss(0.4 / unit, (0.8, 2.5 * unit), normalized=False), Global(-0.4 / unit))
         self.perception = DNF(shape, kernel, border=border, dt=dt)
         self.satisfaction = DNF(
             shape, (Gauss(0.1 / unit, (0.8, 2.5 * unit), normalized=False),), border=border, dt=dt
@@ -111,7 +112,9 @@ class FindColor(Dynamics):
             dt=dt,
         )
         centers = hue_centers or [HUES[letter] for letter in colors]
-        self.register_buffer("hue_bias", hue_preference(centers, hues), persistent=False)
+        distance = hue_distances(centers, hues)
+        self.register_buffer("hue_bias", torch.exp(-0.5 * distance**2), persistent=False)
+        self.register_buffer("hue_rows", own_rows(distance), persistent=False)
         column = torch.arange(columns) - (columns - 1) / 2
         center = torch.exp(-0.5 * (column / (1.5 * unit)) ** 2)
         self.register_buffer("center", center, persistent=False)
@@ -142,8 +145,14 @@ class FindColor(Dynamics):
         }
 
     def forward(self, observation: Tensor, intention: Tensor) -> Tensor:
-        self.state = self.advance(observation, intention, self.state)
-        return self.act(intention, self.state)
+        output, self.state = self.step(observation, intention, self.state)
+        return output
+
+    def step(
+        self, observation: Tensor, intention: Tensor, state: dict[str, Tensor]
+    ) -> tuple[Tensor, dict[str, Tensor]]:
+        state = self.advance(observation, intention, state)
+        return self.act(intention, state), state
 
     def percept(self, image: Tensor) -> Tensor:
         """Salience of each hue in each column, 0 to 1, ``(*batch, hues, columns)``."""
@@ -163,7 +172,7 @@ class FindColor(Dynamics):
     def match(self, observation: Tensor, state: dict[str, Tensor]) -> Tensor:
         """How much of each hue the CoS field holds, ``(*batch, n)``, 0 to 1."""
         output = self.satisfaction.output(FieldState(state["satisfaction"]))
-        return (output.sum(-1) @ self.hue_bias.t() / 1.6).clamp_max(1.0)
+        return (output.sum(-1) @ self.hue_rows.t() / 1.6).clamp_max(1.0)
 
     def advance(
         self, observation: Tensor, intention: Tensor, state: dict[str, Tensor]
@@ -187,15 +196,26 @@ class FindColor(Dynamics):
         return wheel_speeds(turning, self.wheel_radius, self.axle, self.max_speed)
 
 
-def hue_preference(centers: list[float], hues: int) -> Tensor:
-    """Tuning of each behaviour to hue: a Gaussian of one bin around its colour, ``(n, hues)``."""
+def hue_distances(centers: list[float], hues: int) -> Tensor:
+    """How many bins each hue lies from the colour of each behaviour, ``(n, hues)``."""
     width = 360 / hues
-    bins = torch.arange(hues) * width
-    distance = (bins - torch.tensor(centers).unsqueeze(-1) + 180) % 360 - 180
-    nearest = distance.abs().argmin(-1)
+    degrees = torch.arange(hues) * width - torch.tensor(centers).unsqueeze(-1)
+    distance = ((degrees + 180) % 360 - 180).abs() / width
+    nearest = distance.argmin(-1)
     if len(set(nearest.tolist())) < len(centers):
         raise ValueError(
             f"hues={hues}: two of the colours at {centers} degrees share a bin of {width:g} "
             "degrees; take more hues"
         )
-    return torch.exp(-0.5 * (distance / width) ** 2)
+    return distance
+
+
+def own_rows(distance: Tensor) -> Tensor:
+    """Which hues belong to one behaviour alone, zeros and ones, ``(n, hues)``.
+
+    Those within one bin of its colour and nearer to it than to any other.
+    """
+    rest = distance.clone()
+    rest.scatter_(0, distance.argmin(0, keepdim=True), float("inf"))
+    alone = distance < rest.amin(0)
+    return (alone & (distance <= 1)).to(distance)

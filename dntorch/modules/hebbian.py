@@ -36,7 +36,7 @@ class HebbianQ(Dynamics):
         ValueError: ``learning_rate`` not positive; weights whose batch is not that of the
             inputs.
 
-    Source: eq. (14) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
+    Source: eq. (12) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
     Reinforcement of Behavioral Sequences in Neural Dynamics". No deviation; the learning
     rate is not given there.
 

@@ -36,7 +36,7 @@ class ValueOpposition(Dynamics):
         ValueError: ``dt`` longer than a time constant, ``discount`` outside [0, 1], a
             threshold that is not positive.
 
-    Source: eqs. (12) and (13) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
+    Source: eqs. (10) and (11) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
     Reinforcement of Behavioral Sequences in Neural Dynamics".
 
     **Deviations**: printed :math:`f_H(TP^+)` and :math:`f_H(u)`; both get a threshold, since

@@ -31,7 +31,7 @@ class TPCell(Dynamics):
     Raises:
         ValueError: ``dt > tau``.
 
-    Source: the two equations of TP cells in Kazerounian, Luciw, Richter and Sandamirskaya,
+    Source: eqs. (7) and (8) of Kazerounian, Luciw, Richter and Sandamirskaya,
     "Autonomous Reinforcement of Behavioral Sequences in Neural Dynamics", after Rhodes.
     No deviation.
 

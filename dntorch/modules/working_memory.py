@@ -33,7 +33,7 @@ class ItemOrderWM(Dynamics):
     Raises:
         ValueError: ``dt > tau``, or so coarse a step that activity could leave [0, 1].
 
-    Source: eq. (11) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
+    Source: eq. (9) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
     Reinforcement of Behavioral Sequences in Neural Dynamics"; Grossberg 1978.
 
     **Deviations**: :math:`\tau^u` and :math:`f_P` are not given in the paper; here 1 s and

@@ -1,0 +1,405 @@
+"""Many agents of the abstract world in one batch, remembered as events.
+
+A step of world and agents is one pure function, compiled where there is a compiler. What
+depends on chance is drawn ahead for a portion of steps: since draws are keyed by (seed,
+agent, decision), a table of the next decisions holds the very numbers that an agent alone
+would draw, and no agent depends on who else is in its batch.
+
+Events are logged inside the compiled step without a branch: every step writes into the row
+of the *next* event, and only an event moves on to another row.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils._pytree import tree_map
+
+from dntorch.envs.nodes import NodesState, NodesStep, NodesWorld
+from dntorch.envs.task import NOTHING, SequenceTask
+from dntorch.experiments import checkpoint
+from dntorch.experiments.config import Config
+from dntorch.experiments.variants import build_variant
+from dntorch.modules.sarsa import AgentState
+from dntorch.noise import Exploration, keyed_uniform
+
+PORTION = 1000
+"""Control steps for which chance is drawn ahead."""
+ROWS = PORTION // 16
+"""Events that an agent may have in a portion: a behaviour takes longer than half a second."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Which agents run, and what they share.
+
+    ``parameters`` gives each agent a value of its own: the path of a number within the agent
+    (``"learner.values.learning_rate"``), or ``"reward"``, ``"reward_duration"``, ``"noise"``.
+    """
+
+    config: Config
+    agents: tuple[int, ...]
+    variant: str = ""
+    learns_in_exploitation: bool = True
+    parameters: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    tasks: tuple[str, ...] = ()
+    """rewarded sequences beside that of ``config``"""
+    shown: int = 0
+    """how often exploration is led through the sequence, at random times"""
+    keep_weights: bool = True
+    """remember the weights at every onset"""
+
+
+class Chance(NamedTuple):
+    """Draws of a portion of steps."""
+
+    noise: Tensor
+    """``(ROWS, n, n, batch)``, for the decisions from ``decision`` on"""
+    decision: Tensor
+    duration: Tensor
+    """``(ROWS, batch)``, for the visits from ``visit`` on"""
+    visit: Tensor
+
+
+class Log(NamedTuple):
+    """Rows of a portion and how many of them are events, for onsets of CoS and for finds."""
+
+    onsets: Tensor
+    """number of onsets, ``(batch,)``"""
+    onset: Tensor
+    """step and colour, ``(ROWS, 2, batch)``"""
+    weights: Tensor
+    """``[action, state]``, ``(ROWS, n, n, batch)``"""
+    error: Tensor
+    """integrals of v and |v| since the onset before, ``(ROWS, 2, batch)``"""
+    finds: Tensor
+    find: Tensor
+    """step, colour, number of completed sequences, ``(ROWS, 3, batch)``"""
+
+
+class Running(NamedTuple):
+    """All that changes from step to step."""
+
+    step: Tensor
+    observation: Tensor
+    reward: Tensor
+    agent: AgentState
+    world: NodesState
+    error: Tensor
+    """integrals of v and |v| since the last onset, ``(2, batch)``"""
+    trouble: Tensor
+    """steps with two intentions on, steps without a state, ``(2, batch)``"""
+    log: Log
+
+
+class Tables(NodesWorld):
+    """`NodesWorld` with durations from a table and without a branch, as a compiler wants it."""
+
+    durations: Tensor
+    first: Tensor
+
+    def draw(self, visits: Tensor) -> Tensor:
+        rows = (visits - self.first).clamp(0, ROWS - 1)
+        return self.durations[rows, torch.arange(rows.shape[0])]
+
+    def step(self, intention: Tensor, state: NodesState) -> tuple[NodesStep, NodesState]:
+        strongest, choice = intention.max(-1)
+        begun = (strongest > 0.5) & (choice != state.target)
+        target = torch.where(begun, choice, state.target)
+        visits = state.visits + begun
+        duration = torch.where(begun, self.draw(visits), state.duration)
+        on = (strongest > 0.5) & (choice == target)
+        absent = torch.where(on, 0, state.absent + 1)
+        sought = torch.where(begun, 0, state.sought) + (absent <= self.linger)
+        in_view = (sought > duration) & (absent <= self.linger) & (target != NOTHING)
+        found = torch.where(in_view & (sought == duration + self.dwell), target, NOTHING)
+        colors = torch.arange(self.n)
+        observation = in_view.unsqueeze(-1) & (target.unsqueeze(-1) == colors)
+        reward, completed, task = self.task.step(found, state.task)
+        return (
+            NodesStep(observation.to(intention.dtype), reward, found, completed),
+            NodesState(target, duration, sought, absent, visits, task),
+        )
+
+
+class AnyOf(SequenceTask):
+    """Several rewarded sequences of one length: each is rewarded when it is completed."""
+
+    def also(self, sequences: tuple[str, ...]) -> "AnyOf":
+        others = [SequenceTask(sequence, self.colors).target for sequence in sequences]
+        if any(len(other) != len(self.sequence) for other in others):
+            raise ValueError(f"tasks={sequences}: give sequences as long as {self.sequence!r}")
+        self.target = torch.stack([self.target, *others])
+        return self
+
+    def step(self, found: Tensor, state: Any) -> tuple[Tensor, Tensor, Any]:
+        shifted = torch.cat((state.recent[..., 1:], found.unsqueeze(-1)), dim=-1)
+        recent = torch.where(found.unsqueeze(-1) == NOTHING, state.recent, shifted)
+        match = (recent.unsqueeze(-2) == self.target).all(-1).any(-1)
+        completed = (found != NOTHING) & match
+        remaining = torch.where(completed, self.steps, state.remaining)
+        reward = self.reward * (remaining > 0).to(torch.get_default_dtype())
+        return reward, completed, type(state)(recent, (remaining - 1).clamp_min(0))
+
+
+def innermost(tensor: Tensor) -> Tensor:
+    """The same tensor with its first dimension, the batch, innermost in memory: twice as fast."""
+    if tensor.dim() < 2:
+        return tensor.contiguous()
+    return tensor.movedim(0, -1).contiguous().movedim(-1, 0)
+
+
+class Population:
+    """Agents of one `Group` that live, each in a world of its own, from step 0 to the last.
+
+    ``advance`` may be called with any portions, ``content`` and ``load`` between them: same
+    machine, same batch, same numbers. Another split into batches: the same decisions.
+
+    Args:
+        group: who runs.
+        dtype: of the neural dynamics.
+        compiled: fuse the step with torch.compile; False needs no compiler and is slower.
+    """
+
+    def __init__(
+        self, group: Group, dtype: torch.dtype = torch.float32, compiled: bool = True
+    ) -> None:
+        self.group, self.config, self.dtype = group, group.config, dtype
+        self.ids = torch.tensor(group.agents)
+        self.n, self.batch = len(self.config.colors), len(group.agents)
+        config = self.config
+        self.agent = build_variant(config, group.variant).to(dtype)
+        kind = AnyOf if group.tasks else SequenceTask
+        task = kind(config.sequence, config.colors, config.reward, config.reward_duration, config.dt)
+        self.world = Tables(task.also(group.tasks) if group.tasks else task, config.seed, self.ids)
+        self.exploration = Exploration(self.n, config.seed, self.ids, config.noise)
+        self._individualize()
+        self.running = self.initial()
+        self.now = 0
+        self.events: dict[str, list[np.ndarray]] = {}
+        self.step = torch.compile(self._step, fullgraph=True, dynamic=False) if compiled else self._step
+
+    def _individualize(self) -> None:
+        """Give parameters that differ between agents the shapes in which they broadcast."""
+        for path, values in self.group.parameters.items():
+            value = torch.tensor(values, dtype=self.dtype)
+            if path == "reward":
+                self.world.task.reward = value
+            elif path == "reward_duration":
+                self.world.task.steps = (value / self.config.dt).round().to(torch.int64)
+            elif path == "noise":
+                self.exploration.amplitude = value.double().unsqueeze(-1)
+            else:
+                part, _, name = path.rpartition(".")
+                scalar = path in ("learner.values.learning_rate", "learner.opposition.tau_error")
+                shape = (-1,) if scalar else (-1, 1) if "behaviors" in path else (-1, 1, 1)
+                setattr(self.agent.get_submodule(part), name, value.view(shape))
+
+    def initial(self) -> Running:
+        batch, n, zeros = self.batch, self.n, torch.zeros
+        none = zeros(batch, dtype=torch.int64)
+        log = Log(
+            none.clone(),
+            zeros(ROWS, 2, batch, dtype=torch.int32),
+            zeros(ROWS, n, n, batch, dtype=self.dtype),
+            zeros(ROWS, 2, batch, dtype=self.dtype),
+            none.clone(),
+            zeros(ROWS, 3, batch, dtype=torch.int32),
+        )
+        rest = self.agent.initial([batch])
+        return Running(
+            torch.zeros((), dtype=torch.int64),
+            innermost(zeros(batch, n, dtype=self.dtype)),
+            zeros(batch, dtype=self.dtype),
+            tree_map(innermost, rest),
+            tree_map(innermost, self.world.initial()),
+            zeros(2, batch, dtype=self.dtype),
+            zeros(2, batch, dtype=torch.int64),
+            log,
+        )
+
+    # ------------------------------------------------------------------ chance
+
+    def draw(self) -> Chance:
+        """What the next portion of steps may need."""
+        decision, visit = self.running.agent.decisions, self.running.world.visits
+        rows = torch.arange(ROWS).unsqueeze(-1)
+        noise = torch.zeros(1, self.n, self.n, self.batch, dtype=self.dtype)
+        if self.now < self.config.explore:
+            noise = torch.stack([self.noise(decision + row) for row in range(ROWS)])
+        share = keyed_uniform(self.config.seed, self.ids.expand(ROWS, -1), visit + rows, 1, 2)
+        span = self.world.longest - self.world.shortest
+        duration = (self.world.shortest + share[..., 0] * span).round().to(torch.int64)
+        return Chance(noise, decision.clone(), duration, visit.clone())
+
+    def noise(self, decisions: Tensor) -> Tensor:
+        """Noise of one decision of each agent, ``(n, n, batch)``."""
+        drawn = self.exploration(decisions, self.dtype).movedim(0, -1).contiguous()
+        return self.lead(drawn, decisions) if self.group.shown else drawn
+
+    def lead(self, noise: Tensor, decisions: Tensor) -> Tensor:
+        """Noise that leads through the rewarded sequence ``shown`` times while exploring."""
+        target, expected = self.world.task.target, self.config.explore / 180
+        zero = torch.zeros_like(self.ids)
+        starts = keyed_uniform(self.config.seed, self.ids, zero, self.group.shown, 7)
+        starts = (0.1 + 0.75 * starts) * expected
+        place = decisions.unsqueeze(-1) - starts.to(torch.int64)
+        led = ((place >= 0) & (place < len(target))).any(-1)
+        place = place.where((place >= 0) & (place < len(target)), 0).amax(-1)
+        forced = torch.nn.functional.one_hot(target[place], self.n).to(noise.dtype) * self.config.noise
+        return torch.where(led, forced.T.unsqueeze(1), noise)
+
+    # ------------------------------------------------------------------ one step
+
+    def _step(self, running: Running, chance: Chance) -> Running:
+        each = torch.arange(self.batch)
+        before = self.agent.behaviors.satisfaction.output(running.agent.behaviors.satisfaction)
+        rows = (running.agent.decisions - chance.decision).clamp(0, chance.noise.shape[0] - 1)
+        noise = chance.noise[rows, :, :, each]
+        intention, agent = self.agent.step(running.observation, running.reward, noise, running.agent)
+        self.world.durations, self.world.first = chance.duration, chance.visit
+        outcome, world = self.world.step(intention, running.world)
+        after = self.agent.behaviors.satisfaction.output(agent.behaviors.satisfaction)
+        risen = (after > 0.5) & (before <= 0.5)
+        error = agent.learner.opposition.error
+        error = running.error + self.config.dt * torch.stack((error, error.abs()))
+        log = self._log(running, risen, error, outcome, agent, each)
+        trouble = torch.stack(((intention > 0.5).sum(-1) > 1, ~(after > 0.5).any(-1)))
+        return Running(
+            running.step + 1,
+            outcome.observation,
+            outcome.reward.to(self.dtype),
+            agent,
+            world,
+            torch.where(risen.any(-1), 0, error),
+            running.trouble + trouble,
+            log,
+        )
+
+    def _log(
+        self,
+        running: Running,
+        risen: Tensor,
+        error: Tensor,
+        outcome: NodesStep,
+        agent: AgentState,
+        each: Tensor,
+    ) -> Log:
+        log, step = running.log, running.step.to(torch.int32).expand(self.batch)
+        row = log.onsets.clamp_max(ROWS - 1)
+        color = risen.to(torch.int32).argmax(-1).to(torch.int32)
+        log.onset[row, :, each] = torch.stack((step, color), -1)
+        log.error[row, :, each] = error.movedim(0, -1)
+        if self.group.keep_weights:
+            log.weights[row, :, :, each] = agent.learner.values.weights
+        row = log.finds.clamp_max(ROWS - 1)
+        find = torch.stack((step, outcome.found.to(torch.int32), outcome.completed.to(torch.int32)))
+        log.find[row, :, each] = find.movedim(0, -1)
+        return log._replace(
+            onsets=log.onsets + risen.any(-1), finds=log.finds + (outcome.found != NOTHING)
+        )
+
+    # ------------------------------------------------------------------ many steps
+
+    @property
+    def finished(self) -> bool:
+        return self.now >= self.config.steps
+
+    @torch.inference_mode()
+    def advance(self, steps: int = PORTION) -> None:
+        """Take up to ``steps`` control steps, not beyond the end of the run."""
+        end = min(self.now + steps, self.config.steps)
+        while self.now < end:
+            edge = self.config.explore if self.now < self.config.explore else self.config.steps
+            last = min(end, edge, self.now + PORTION)
+            if self.now >= self.config.explore and not self.group.learns_in_exploitation:
+                self.agent.learn(False)
+            chance = self.draw()
+            for _ in range(self.now, last):
+                self.running = self.step(self.running, chance)
+            self.now = last
+            self._collect()
+
+    def _collect(self) -> None:
+        """Take the events of a portion out of the log."""
+        log = self.running.log
+        onsets, finds = log.onsets.clamp_max(ROWS), log.finds.clamp_max(ROWS)
+        self._keep("onset", log.onset, onsets)
+        self._keep("error", log.error, onsets)
+        if self.group.keep_weights:
+            self._keep("weights", log.weights, onsets)
+        self._keep("find", log.find, finds)
+        log.onsets.zero_()
+        log.finds.zero_()
+        if self.now in (self.config.explore, self.config.steps):
+            weights = self.running.agent.learner.values.weights
+            name = "weights_explored" if self.now == self.config.explore else "weights_end"
+            self.events[name] = [weights.contiguous().numpy().copy()]
+
+    def _keep(self, name: str, rows: Tensor, counts: Tensor) -> None:
+        used = torch.arange(ROWS).unsqueeze(-1) < counts  # (ROWS, batch)
+        row, agent = used.nonzero(as_tuple=True)
+        kept = rows.movedim(-1, 1)[row, agent]
+        if name in ("onset", "find"):
+            kept = torch.cat((self.ids[agent].to(kept.dtype).unsqueeze(-1), kept), -1)
+        self.events.setdefault(name, []).append(kept.numpy().copy())
+
+    # ------------------------------------------------------------------ files
+
+    def results(self) -> dict[str, np.ndarray]:
+        """Events in order of steps; see `dntorch.experiments.measures.Runs`."""
+        joined = {name: np.concatenate(parts) for name, parts in self.events.items()}
+        return joined | {"trouble": self.running.trouble.numpy().copy()}
+
+    def content(self) -> dict[str, Any]:
+        """What a checkpoint holds."""
+        flat, _ = torch.utils._pytree.tree_flatten(self.running)
+        events = {name: np.concatenate(parts) for name, parts in self.events.items()}
+        return {
+            "config": asdict(self.config),
+            "now": self.now,
+            "running": [tensor.contiguous() for tensor in flat],
+            "events": events,
+        }
+
+    def save(self, path: Path) -> None:
+        checkpoint.save(path, self.content())
+
+    @torch.inference_mode()
+    def load(self, path: Path) -> "Population":
+        """Go on from a checkpoint of the same group."""
+        content = checkpoint.load(path)
+        flat, spec = torch.utils._pytree.tree_flatten(self.running)
+        saved = content["running"]
+        if content["config"] != asdict(self.config) or [t.shape for t in flat] != [
+            t.shape for t in saved
+        ]:
+            raise ValueError(f"{path} is of another group of runs: name another folder")
+        for own, other in zip(flat, saved):
+            own.copy_(other)
+        self.now = content["now"]
+        self.events = {name: [array] for name, array in content["events"].items()}
+        return self
+
+
+def run(
+    population: Population,
+    path: Path | None = None,
+    save_every: int = 10_000,
+    progress: Callable[[int], bool] = lambda step: True,
+) -> bool:
+    """Run to the end with checkpoints; stop and save when ``progress(step)`` says False."""
+    if path is not None and path.exists():
+        population.load(path)
+    while not population.finished:
+        population.advance()
+        go_on = progress(population.now)
+        if path is not None and (population.now % save_every == 0 or not go_on):
+            population.save(path)
+        if not go_on:
+            return False
+    return True
