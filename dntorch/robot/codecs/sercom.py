@@ -80,13 +80,13 @@ def set_speed(left: int, right: int) -> bytes:
 
 
 def split_lines(buffer: bytes) -> tuple[list[str], bytes]:
-    """Lines of text without their ends; empty ones are left out.
+    """Lines of text without their ends, CR LF; empty ones are left out.
 
     Raises:
         ProtocolError: far too many bytes without an end.
     """
-    *whole, rest = buffer.replace(b"\r", b"\n").split(b"\n")
-    lines = [line.decode("latin-1").strip("\f\a") for line in whole]
+    *whole, rest = buffer.split(b"\n")
+    lines = [line.decode("latin-1").strip("\r\f\a") for line in whole]
     if len(rest) > LONGEST:
         raise ProtocolError(f"{len(rest)} bytes without an end of line", [x for x in lines if x])
     return [line for line in lines if line], rest
