@@ -20,7 +20,7 @@ learn: setup
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest --no-unlisted-skips
+	$(BIN)/python -m pytest --no-unlisted-skips -n 2 --dist loadfile
 
 lint: setup
 	$(BIN)/ruff check --fix .

@@ -22,6 +22,8 @@ def _doctest_names(doctest_namespace: dict) -> None:
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if hasattr(session.config, "workerinput"):  # a process of pytest-xdist: its parent judges
+        return
     skipped = {report.nodeid for report in reporter.stats.get("skipped", [])}
     unlisted = sorted(name for name in skipped if name.split("::")[0] not in MAY_SKIP)
     if session.config.getoption("--no-unlisted-skips") and unlisted:
