@@ -9,6 +9,7 @@ import torch
 from tqdm import tqdm
 
 import dntorch as library
+from dntorch import commands_export
 from dntorch.experiments import learn as learning
 from dntorch.experiments.config import WORLDS, Config
 from dntorch.experiments.trial import Trial
@@ -25,6 +26,10 @@ def dntorch() -> None:
     # operations on a few nodes are fastest, and always the same, on one thread.
     torch.set_flush_denormal(True)
     torch.set_num_threads(1)
+
+
+dntorch.add_command(commands_export.export)
+dntorch.add_command(commands_export.verify)
 
 
 @dntorch.command()

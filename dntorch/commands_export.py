@@ -1,0 +1,42 @@
+"""Commands that take an agent out of this package, and check what came out."""
+
+from pathlib import Path
+
+import click
+
+FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+@click.command()
+@click.argument("run", type=FOLDER)
+@click.option("--to", "folder", type=FOLDER, required=True, help="Folder for the artefacts.")
+@click.option(
+    "--also",
+    multiple=True,
+    type=click.Choice(["aotinductor", "executorch"]),
+    help="Formats besides TorchScript, torch.export and ONNX; may be given twice.",
+)
+def export(run: Path, folder: Path, also: tuple[str, ...]) -> None:
+    """Export the agent of a RUN, to go on elsewhere without this package.
+
+    The folder gets agent.ts, agent.pt2, agent.onnx, manifest.json, a golden record of the
+    agent at work and verify.py, which compares them where there is no dntorch.
+    """
+    from dntorch.export import export_run
+    from dntorch.export.artefacts import DEFAULT
+
+    export_run(run, folder, (*DEFAULT, *also))
+    for file in sorted(folder.iterdir()):
+        click.echo(f"{file.stat().st_size:>10,}  {file}")
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False, exists=True))
+def verify(folder: Path) -> int:
+    """Replay the golden record of an export through each artefact.
+
+    In a fresh process that can't import this package. Exit code 1 when one fails.
+    """
+    from dntorch.export import verify
+
+    return 0 if verify(folder) else 1

@@ -1,0 +1,155 @@
+"""From a trained agent's checkpoint to artefacts, with a record of it at work."""
+
+import subprocess
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from dntorch.colors import HUES, NAMES
+from dntorch.envs.task import NOTHING
+from dntorch.experiments.config import Config, build_exploration
+from dntorch.experiments.learn import CHECKPOINT
+from dntorch.experiments.trial import Trial
+from dntorch.experiments.worlds import World, build_world
+from dntorch.export.artefacts import DEFAULT, checksum, write
+from dntorch.export.boundary import Boundary
+from dntorch.export.golden import Golden, Outcome, record
+
+SECONDS = 28.2
+"""Length of the golden record; at 32 control steps a second 902."""
+UNITS = {"observation": "RGB 0-255, row 0 at the top", "action": "rad/s, left wheel first"}
+ABSTRACT = {"observation": "match of each behaviour, 0-1", "action": "intentions, 0-1"}
+
+
+def export_run(run: Path, folder: Path, runtimes: Sequence[str] = DEFAULT) -> Path:
+    """Export the agent of a run: what it learned, at rest.
+
+    Args:
+        run: a folder that ``dntorch learn`` wrote.
+        folder: where to; made if need be.
+        runtimes: of `RUNTIMES`.
+
+    Raises:
+        ValueError: no run there; an agent that never completes two behaviours.
+        ImportError: a package for one of the formats is missing.
+    """
+    trial = Trial.load(run / CHECKPOINT)
+    trial.close()
+    agent, config = trial.agent, trial.config
+    agent.reset()
+    agent.learn()
+    observation = build_and_reset(config)
+    boundary = Boundary(agent, observation, torch.zeros(()), torch.zeros(agent.n, agent.n))
+    golden = closed_loop(boundary, config)
+    about = _about(boundary, config)
+    about["source"] |= {"checkpoint_sha256": checksum(run / CHECKPOINT), "steps": trial.step}
+    return write(boundary, golden, folder, runtimes, "agent", about)
+
+
+def build_and_reset(config: Config) -> torch.Tensor:
+    """The first observation of a run's world."""
+    world = build_world(config)
+    try:
+        return world.reset()
+    finally:
+        world.close()
+
+
+class Loop:
+    """Closes the loop for a golden record: explores for a while, at last stops learning."""
+
+    def __init__(self, config: Config, world: World, steps: int) -> None:
+        self.world, self.steps = world, steps
+        self.exploration = build_exploration(config)
+        self.none = torch.zeros(len(config.colors), len(config.colors))
+        self.observation, self.reward = world.reset(), torch.zeros(())
+        self.found: list[int] = []
+        self.rewards = 0
+
+    def __call__(self, step: int, outcome: Outcome | None):
+        if outcome is not None:
+            answer = self.world.step(outcome.outputs[0])
+            self.observation, self.reward = answer.observation, answer.reward
+            self.found += [answer.found] if answer.found != NOTHING else []
+            self.rewards += int(answer.completed)
+        exploring = 0.6 < step / self.steps < 0.8
+        decisions = torch.tensor(0) if outcome is None else outcome.after["decisions"]
+        noise = self.exploration(decisions) if exploring else self.none
+        learning = torch.tensor(float(step / self.steps < 0.9))
+        return (self.observation, self.reward, noise), {"learner.values.learning": learning}
+
+
+def closed_loop(boundary: Boundary, config: Config) -> Golden:
+    """The agent at work in its world, with rewards.
+
+    So that a reward comes within the record whatever was learned, the rewarded sequence is
+    that of the first two behaviours that this agent completes.
+    """
+    steps = max(800, round(SECONDS / config.dt))
+    found = _run(boundary, config, steps)[1].found
+    if len(found) < 2:
+        raise ValueError(
+            f"this agent completed {len(found)} behaviours in {steps} steps, too few for a record "
+            "with a transition: train it, or another seed, first"
+        )
+    pair = "".join(config.colors[color] for color in found[:2])
+    golden, loop = _run(boundary, replace(config, sequence=pair), steps)
+    if not loop.rewards:
+        raise ValueError(f"no reward for {pair} in {steps} steps: export another seed's agent")
+    return golden
+
+
+def _run(boundary: Boundary, config: Config, steps: int) -> tuple[Golden, Loop]:
+    world = build_world(config)
+    try:
+        loop = Loop(config, world, steps)
+        return record(boundary, loop, steps, _completes), loop
+    finally:
+        world.close()
+
+
+def _completes(outcome: Outcome) -> bool:
+    return not torch.equal(outcome.before["decisions"], outcome.after["decisions"])
+
+
+def _about(boundary: Boundary, config: Config) -> dict[str, Any]:
+    """What the manifest of an agent says besides that of a structure."""
+    agent = boundary.structure
+    camera = isinstance(getattr(agent.sensorimotor, "max_speed", None), float)
+    about: dict[str, Any] = {
+        "units": {
+            **(UNITS if camera else ABSTRACT),
+            "reward": "size of the reward signal, 1",
+            "noise": "added to the values [action, state], 1; zeros are exploitation",
+            "dt": "s",
+        },
+        "colors": [
+            {"letter": letter, "name": NAMES[letter], "hue": HUES[letter]}
+            for letter in config.colors
+        ],
+        "exploration": {"amplitude": config.noise, "seed": config.seed},
+        "decisions": {
+            "behaviors.intention.u": agent.behaviors.intention.threshold,
+            "behaviors.satisfaction.u": agent.behaviors.satisfaction.threshold,
+        },
+        "source": {"commit": _commit(), "config": asdict(config)},
+    }
+    if camera:
+        about["max_speed"] = agent.sensorimotor.max_speed
+    return about
+
+
+def _commit() -> str | None:
+    """The commit of the source tree, with a mark if files differ from it; None if installed."""
+    here = Path(__file__)
+    git = ["git", "-C", str(here.parent)]
+    options: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 20, "check": True}
+    try:
+        subprocess.run([*git, "ls-files", "--error-unmatch", here.name], **options)
+        describe = [*git, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+        return subprocess.run(describe, **options).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None

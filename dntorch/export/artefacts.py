@@ -1,0 +1,134 @@
+"""A directory of artefacts: one structure in several formats, and how to check them."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+import dntorch
+from dntorch.dynamics import Dynamics
+from dntorch.export import program, replay
+from dntorch.export.boundary import Boundary, Port
+from dntorch.export.golden import Golden, record
+from dntorch.export.program import Functional
+from dntorch.export.script import script
+
+RUNTIMES = {
+    "torchscript": ".ts",
+    "export": ".pt2",
+    "onnx": ".onnx",
+    "aotinductor": ".aoti.pt2",
+    "executorch": ".pte",
+}
+DEFAULT = ("torchscript", "export", "onnx")
+_WRITERS = {
+    "export": program.write_export,
+    "onnx": program.write_onnx,
+    "aotinductor": program.write_aotinductor,
+    "executorch": program.write_executorch,
+}
+
+
+def export_structure(
+    structure: Dynamics,
+    folder: Path,
+    inputs: Sequence[Sequence[Tensor]],
+    runtimes: Sequence[str] = DEFAULT,
+    name: str = "structure",
+) -> Path:
+    """Export any structure, with a record of what it does with ``inputs``, one row a step."""
+    boundary = Boundary(structure, *inputs[0])
+    rows = iter(inputs)
+    golden = record(boundary, lambda step, outcome: (next(rows), {}), len(inputs))
+    return write(boundary, golden, folder, runtimes, name)
+
+
+def write(
+    boundary: Boundary,
+    golden: Golden,
+    folder: Path,
+    runtimes: Sequence[str] = DEFAULT,
+    name: str = "structure",
+    about: dict[str, Any] | None = None,
+) -> Path:
+    """Write artefacts, golden record, manifest and the checking program; returns the folder.
+
+    The state at rest, with what was learned, is that of ``boundary.structure``.
+    """
+    unknown = [runtime for runtime in runtimes if runtime not in RUNTIMES]
+    if unknown:
+        raise ValueError(f"runtime {unknown[0]!r} is unknown: choose from {', '.join(RUNTIMES)}")
+    folder.mkdir(parents=True, exist_ok=True)
+    for leftover in (replay.MANIFEST, *(name + suffix for suffix in RUNTIMES.values())):
+        (folder / leftover).unlink(missing_ok=True)
+    files = {}
+    if "torchscript" in runtimes:
+        path = folder / f"{name}.ts"
+        torch.jit.save(script(boundary), path)
+        files[path.name] = {"runtime": "torchscript"}
+    if set(runtimes) - {"torchscript"}:
+        functional = Functional(boundary)
+        exported = program.program(functional, *(_example(port) for port in boundary.inputs))
+        for runtime in (r for r in RUNTIMES if r in runtimes and r in _WRITERS):
+            path = folder / f"{name}{RUNTIMES[runtime]}"
+            _WRITERS[runtime](exported, functional, path)
+            files[path.name] = {"runtime": runtime}
+    np.savez(folder / replay.GOLDEN, **golden.arrays())
+    shutil.copyfile(replay.__file__, folder / "verify.py")
+    files[replay.GOLDEN] = {}
+    files["verify.py"] = {}
+    for file, entry in files.items():
+        entry["bytes"] = (folder / file).stat().st_size
+        entry["sha256"] = checksum(folder / file)
+    content = describe(boundary, name) | (about or {}) | {"files": files}
+    text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+    (folder / replay.MANIFEST).write_text(text)
+    return folder
+
+
+def describe(boundary: Boundary, name: str) -> dict[str, Any]:
+    """The manifest of any structure."""
+    state = boundary.flatten(boundary.structure.state)
+    buffers = dict(boundary.structure.named_buffers())
+    learned = boundary.learned()
+    return {
+        "format": replay.FORMAT,
+        "name": name,
+        "structure": type(boundary.structure).__name__,
+        "dntorch": dntorch.__version__,
+        "torch": torch.__version__,
+        "dt": boundary.structure.dt,
+        "inputs": [_port(port) for port in boundary.inputs],
+        "switches": [_port(p) | {"rest": _rest(buffers[p.name])} for p in boundary.switches],
+        "outputs": [_port(port) for port in boundary.outputs],
+        "state": [
+            _port(port) | {"rest": _rest(state[port.name]), "long_term": port.name in learned}
+            for port in boundary.state
+        ],
+        "decisions": {},
+        "tolerance": {"step": 1e-6, "aotinductor": 1e-5, "free": 1e-4},
+    }
+
+
+def checksum(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _port(port: Port) -> dict[str, Any]:
+    return {"name": port.name, "shape": port.shape, "dtype": str(port.dtype).split(".")[1]}
+
+
+def _rest(value: Tensor) -> Any:
+    """One number if all are the same, else nested lists."""
+    first = value.flatten()[:1]
+    return first.item() if bool((value == first).all()) else value.tolist()
+
+
+def _example(port: Port) -> Tensor:
+    return torch.zeros(port.shape, dtype=port.dtype)

@@ -1,0 +1,122 @@
+"""The golden record: what the eager structure did, for others to be compared with."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils import _pytree as pytree
+
+from dntorch.export.boundary import Boundary, Port
+from dntorch.noise import keyed_uniform
+
+EVERY = 50
+"""Steps between two snapshots of the state."""
+PROBES = 16
+"""Steps from random states, in which every constant of a structure takes part."""
+SMALL = 64
+"""State tensors of up to so many numbers are recorded in every step."""
+
+
+class Outcome(NamedTuple):
+    """What came of a step, for who closes the loop."""
+
+    outputs: list[Tensor]
+    before: dict[str, Tensor]
+    after: dict[str, Tensor]
+
+
+@dataclass
+class Golden:
+    """One continuous run, and single steps from recorded states ("pairs")."""
+
+    run: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    pairs: dict[str, list[np.ndarray]] = field(default_factory=dict)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        sections = {"run": self.run, "pairs": self.pairs}
+        return {f"{s}/{k}": np.stack(v) for s, part in sections.items() for k, v in part.items()}
+
+
+Feed = Callable[[int, Outcome | None], tuple[Sequence[Tensor], Mapping[str, Tensor]]]
+
+
+@torch.inference_mode()
+def record(
+    boundary: Boundary,
+    feed: Feed,
+    steps: int,
+    notable: Callable[[Outcome], bool] = lambda outcome: False,
+) -> Golden:
+    """Run the eager structure.
+
+    Args:
+        feed: ``feed(step, outcome of the step before)`` gives inputs and switches.
+        notable: after which steps a snapshot is kept besides those every `EVERY` steps.
+    """
+    golden, outcome = Golden(), None
+    state = boundary.flatten(boundary.structure.state)
+    switches = dict(_switches(boundary))
+    for step in range(steps):
+        inputs, changed = feed(step, outcome)
+        switches.update(changed)
+        outcome = _step(boundary, inputs, switches, state)
+        _append(golden.run, boundary, inputs, switches, outcome.outputs)
+        small = {k: v for k, v in outcome.after.items() if v.numel() <= SMALL}
+        _extend(golden.run, "next.", small)
+        if step % EVERY == 0 or notable(outcome):
+            _pair(golden, boundary, step, inputs, switches, outcome)
+        state = outcome.after
+    for probe in range(PROBES):
+        inputs = [_random(port, probe, k) for k, port in enumerate(boundary.inputs)]
+        wild = {
+            port.name: _random(port, probe, 100 + k, signed=True)
+            for k, port in enumerate(boundary.state)
+        }
+        outcome = _step(boundary, inputs, switches, wild)
+        _pair(golden, boundary, -1, inputs, switches, outcome)
+    return golden
+
+
+def _step(boundary: Boundary, inputs, switches, state) -> Outcome:
+    for name, value in switches.items():
+        boundary.structure.get_buffer(name).copy_(value)
+    output, ahead = boundary.structure.step(*inputs, boundary.unflatten(state))
+    return Outcome(pytree.tree_leaves(output), state, boundary.flatten(ahead))
+
+
+def _switches(boundary: Boundary) -> dict[str, Tensor]:
+    return {p.name: boundary.structure.get_buffer(p.name).clone() for p in boundary.switches}
+
+
+def _pair(golden: Golden, boundary: Boundary, step: int, inputs, switches, outcome) -> None:
+    golden.pairs.setdefault("step", []).append(np.array(step))
+    _append(golden.pairs, boundary, inputs, switches, outcome.outputs)
+    _extend(golden.pairs, "state.", outcome.before)
+    _extend(golden.pairs, "next.", outcome.after)
+
+
+def _append(part: dict, boundary: Boundary, inputs, switches, outputs) -> None:
+    _extend(part, "", {port.name: x for port, x in zip(boundary.inputs, inputs, strict=True)})
+    _extend(part, "", switches)
+    _extend(part, "", {port.name: x for port, x in zip(boundary.outputs, outputs, strict=True)})
+
+
+def _extend(part: dict[str, list[Any]], prefix: str, tensors: Mapping[str, Tensor]) -> None:
+    for name, tensor in tensors.items():
+        part.setdefault(prefix + name, []).append(tensor.detach().cpu().numpy().copy())
+
+
+def _random(port: Port, probe: int, stream: int, signed: bool = False) -> Tensor:
+    """Numbers of a port that make its structure work, the same on every machine."""
+    count = int(np.prod(port.shape))
+    draw = keyed_uniform(0, torch.tensor(0), torch.tensor(probe), count, stream)
+    draw = draw.reshape(port.shape)
+    if port.dtype == torch.uint8:
+        # Few grays: strong colours or black.
+        return (256 * draw).floor().sub(128).abs().mul(2).clamp(0, 255).to(torch.uint8)
+    if not port.dtype.is_floating_point:
+        return (100 * draw).to(port.dtype)
+    return ((4 * draw - 2) if signed else draw).to(port.dtype)

@@ -1,0 +1,115 @@
+"""``torch.export`` and what is made from it: a pure function of named tensors.
+
+Functional, not stateful, in all formats: a program that mutates buffers exports to ONNX
+without an error and then stands still, and ExecuTorch forgets their initial values. Here
+whoever runs a program holds its state, and can see, save and set it.
+"""
+
+import logging
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+from torch.utils import _pytree as pytree
+
+from dntorch.export.boundary import Boundary
+
+NEXT = "next."
+"""Before the names of state tensors that come out."""
+
+
+class Functional(nn.Module):
+    """``(*inputs, *switches, *state) -> (valid, *outputs, *state)``, all plain tensors.
+
+    A graph can't raise. So if any input is not finite, ``valid`` is false, outputs are zero
+    (wheels stand still) and the state comes out as it went in.
+    """
+
+    def __init__(self, boundary: Boundary) -> None:
+        super().__init__()
+        self.boundary = boundary
+        self.core = _Core(boundary.structure)
+        ports = boundary.inputs + boundary.switches + boundary.state
+        self.takes = [port.name for port in ports]
+        self.gives = ["valid", *(port.name for port in boundary.outputs)]
+        self.gives += [NEXT + port.name for port in boundary.state]
+
+    def forward(self, *tensors: Tensor) -> tuple[Tensor, ...]:
+        first, last = len(self.boundary.inputs), len(self.takes) - len(self.boundary.state)
+        inputs, switches, state = tensors[:first], tensors[first:last], tensors[last:]
+        named = {f"structure.{p.name}": x for p, x in zip(self.boundary.switches, switches)}
+        arguments = (*inputs, self.boundary.unflatten(state))
+        output, ahead = torch.func.functional_call(self.core, named, arguments)
+        valid = all_finite([x for x in tensors if x.is_floating_point()], like=tensors[0])
+        outputs = [torch.where(valid, x, torch.zeros_like(x)) for x in pytree.tree_leaves(output)]
+        after = [torch.where(valid, new, old) for new, old in zip(pytree.tree_leaves(ahead), state)]
+        return valid, *outputs, *after
+
+    def example(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        """Arguments: these inputs, switches on, the structure's state."""
+        buffers = dict(self.boundary.structure.named_buffers())
+        switches = [buffers[port.name].clone() for port in self.boundary.switches]
+        return (*inputs, *switches, *pytree.tree_leaves(self.boundary.structure.state))
+
+
+class _Core(nn.Module):
+    def __init__(self, structure: nn.Module) -> None:
+        super().__init__()
+        self.structure = structure
+
+    def forward(self, *arguments):
+        return self.structure.step(*arguments)
+
+
+def all_finite(tensors: list[Tensor], like: Tensor) -> Tensor:
+    """Whether there is neither NaN nor infinity in any of them."""
+    if not tensors:
+        return torch.ones((), dtype=torch.bool, device=like.device)
+    return torch.isfinite(torch.cat([x.reshape(-1) for x in tensors])).all()
+
+
+def program(functional: Functional, *inputs: Tensor) -> torch.export.ExportedProgram:
+    """The ``torch.export`` program of one step."""
+    with torch.no_grad():
+        return torch.export.export(functional, functional.example(*inputs))
+
+
+def write_export(exported: torch.export.ExportedProgram, functional: Functional, path: Path):
+    torch.export.save(exported, path)
+
+
+def write_onnx(exported: torch.export.ExportedProgram, functional: Functional, path: Path) -> None:
+    _require("onnx", "onnxscript", extra="export")
+    names = {"input_names": functional.takes, "output_names": functional.gives}
+    log = logging.getLogger("torch.onnx")
+    level = log.level
+    log.setLevel(logging.ERROR)  # it warns of torchvision, which nobody here needs
+    try:
+        torch.onnx.export(exported, **names, dynamo=True, verbose=False).save(path)
+    finally:
+        log.setLevel(level)
+
+
+def write_aotinductor(
+    exported: torch.export.ExportedProgram, functional: Functional, path: Path
+) -> None:
+    torch._inductor.aoti_compile_and_package(exported, package_path=str(path))
+
+
+def write_executorch(
+    exported: torch.export.ExportedProgram, functional: Functional, path: Path
+) -> None:
+    _require("executorch", extra="executorch")
+    from executorch.exir import to_edge
+
+    lowered = to_edge(exported).to_executorch()
+    path.write_bytes(lowered.buffer)
+
+
+def _require(*packages: str, extra: str) -> None:
+    import importlib.util
+
+    missing = [name for name in packages if importlib.util.find_spec(name) is None]
+    if missing:
+        remedy = f"'dntorch[{extra}]'" if extra == "export" else extra
+        raise ImportError(f"{', '.join(missing)} is not installed: run pip install {remedy}")
