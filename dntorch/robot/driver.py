@@ -20,6 +20,8 @@ class Driver:
     """A `Robot` at the other end of a link.
 
     A reader in the background keeps only the newest frame. Every command is one ``send``.
+    What arrives first after ``gap`` seconds without a byte may be old, since it lay on the
+    way meanwhile, and nothing in the protocols tells: that one reading is passed over.
     Bytes that no robot sends, a broken link or long silence end the link: stop commands are
     tried on it, then it is closed. The firmware has no watchdog; see `dntorch.robot.safety`
     for what stops the robot while the link stands.
@@ -29,6 +31,7 @@ class Driver:
         clock: real time unless you say otherwise.
         reconnect: make a lost link anew, ``retry`` seconds after each failure. Otherwise
             `drive` raises.
+        gap: s without a byte after which one reading is passed over.
         silence: s without a single byte after which a link is lost. Wi-Fi alone stalls for
             up to 6 s.
 
@@ -45,11 +48,12 @@ class Driver:
         *,
         reconnect: bool = False,
         retry: float = 1.0,
+        gap: float = 0.5,
         silence: float = 10.0,
     ) -> None:
         self.transport, self.dialect = transport, dialect
         self.clock = clock or RealClock()
-        self.reconnect, self.retry, self.silence = reconnect, retry, silence
+        self.reconnect, self.retry, self.gap, self.silence = reconnect, retry, gap, silence
         self.connections = 0
         self.lost: Exception | None = LinkLost("call connect() first")
         """why there is no link"""
@@ -57,6 +61,7 @@ class Driver:
         self._number, self._wrapped, self._steps = 0, None, np.zeros(2, np.int64)
         self._sending, self._reader = threading.RLock(), None
         self._heard = self._failed = -math.inf
+        self._stalled = False
 
     # ---------------------------------------------------------------- a robot
 
@@ -105,18 +110,28 @@ class Driver:
             return
         try:
             data = self.transport.receive()
-            self._heard = self.clock.now() if data else self._heard
+            self._listen(bool(data))
             for reading in self.dialect.feed(data):
                 self._keep(reading)
-            if self.clock.now() - self._heard > self.silence:
-                raise LinkLost(f"no byte for {self.silence:g} s")
         except (OSError, ProtocolError) as error:
             self._lose(error)
             return
         with self._sending:
             self._say(self.dialect.ask())
 
+    def _listen(self, heard: bool) -> None:
+        """Watch how long the robot is silent."""
+        quiet = self.clock.now() - self._heard
+        if heard:
+            self._stalled |= quiet > self.gap
+            self._heard = self.clock.now()
+        elif quiet > self.silence:
+            raise LinkLost(f"no byte for {self.silence:g} s")
+
     def _keep(self, reading: Reading) -> None:
+        if self._stalled:
+            self._stalled = False
+            return
         now = np.array(reading.steps, np.int64)
         if self._wrapped is not None:
             self._steps = self._steps + (now - self._wrapped + 32768) % 65536 - 32768
@@ -131,7 +146,7 @@ class Driver:
         self.transport.open()
         with self._sending:
             self.transport.send(self.dialect.hello())
-            self._heard, self.lost = self.clock.now(), None
+            self._heard, self._stalled, self.lost = self.clock.now(), False, None
             self.connections += 1
 
     def _try_again(self) -> None:

@@ -1,0 +1,78 @@
+"""A camera worse than a simulated one: colour cast, dim or bright, blurred, noisy, slow."""
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dntorch.robot.images import resample
+
+
+@dataclass(frozen=True)
+class Camera:
+    """What a camera does to what it sees; the default is perfect.
+
+    RGB565 is no part of it: every protocol sends such pixels.
+
+    Raises:
+        ValueError: a number that makes no camera.
+    """
+
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """of red, green, blue: the white balance is off unless all are the same"""
+    exposure: float = 1.0
+    """brightness; what comes out above 255 is cut off"""
+    blur: float = 0.0
+    """px of the image, standard deviation of the defocus"""
+    noise: float = 0.0
+    """standard deviation of a pixel, of 255"""
+    zoom: float = 1.0
+    """only the middle ``1/zoom`` of the image is seen, enlarged"""
+    fps: float | None = None
+    """images/s; ``None``: as many as are asked for"""
+    latency: float = 0.0
+    """s from light to first byte"""
+    seed: int = 0
+    """of the noise"""
+
+    def __post_init__(self) -> None:
+        good = self.exposure > 0 and self.zoom >= 1 and min(self.gains) > 0
+        good = good and min(self.blur, self.noise, self.latency) >= 0
+        if not good or (self.fps is not None and not self.fps > 0):
+            raise ValueError(
+                f"{self}: give gains, exposure and fps above 0, zoom from 1, and blur, noise "
+                "and latency from 0"
+            )
+
+    def fov(self, fov: float) -> float:
+        """rad, what is left of a field of view."""
+        return 2 * math.atan(math.tan(fov / 2) / self.zoom)
+
+    def see(self, image: np.ndarray, number: int = 0) -> np.ndarray:
+        """What comes out for an image, uint8 ``(height, width, 3)``; noise goes by ``number``."""
+        tall, wide = image.shape[:2]
+        seen = resample(image, wide, tall, self.zoom).astype(np.float32)
+        if self.blur > 0:
+            seen = spread(tall, self.blur) @ seen.reshape(tall, -1)
+            seen = spread(wide, self.blur) @ seen.reshape(tall, wide, 3)
+        seen = seen * (self.exposure * np.array(self.gains, np.float32))
+        if self.noise > 0:
+            random = np.random.default_rng((self.seed, number))
+            seen = seen + self.noise * random.standard_normal(seen.shape, np.float32)
+        return np.rint(seen.clip(0, 255)).astype(np.uint8)
+
+
+@functools.lru_cache(maxsize=16)
+def spread(size: int, width: float) -> np.ndarray:
+    """Gaussian blur of ``size`` pixels as a matrix whose rows sum to one."""
+    at = np.arange(size)
+    weights = np.exp(-0.5 * ((at[:, None] - at) / width) ** 2)
+    return (weights / weights.sum(1, keepdims=True)).astype(np.float32)
+
+
+#: A fair camera: a slight cast, a little dark, soft, noisy; 8 images a second.
+MILD = Camera((1.1, 1.0, 0.9), exposure=0.8, blur=1.0, noise=6.0, fps=8.0)
+
+#: A bad one: strong cast, dark, blurred, noisy, narrow; 5 images a second, each 0.2 s late.
+HARD = Camera((1.5, 1.0, 0.6), exposure=0.7, blur=2.0, noise=20.0, zoom=1.55, fps=5.0, latency=0.2)

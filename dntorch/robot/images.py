@@ -1,0 +1,45 @@
+"""Images made smaller or larger by areas: every pixel is the mean of what it covers."""
+
+import numpy as np
+
+
+def means(values: np.ndarray, parts: int, zoom: float = 1.0) -> np.ndarray:
+    """Means of ``values`` along the first axis over ``parts`` of its middle ``1/zoom``, float32.
+
+    >>> means(np.array([1.0, 3.0, 5.0, 9.0]), 2).tolist()
+    [2.0, 7.0]
+    >>> means(np.array([1.0, 3.0, 5.0, 9.0]), 2, zoom=2.0).tolist()
+    [3.0, 5.0]
+    """
+    size = len(values)
+    edges = size * (0.5 + (np.arange(parts + 1) / parts - 0.5) / zoom)
+    whole = np.minimum(edges.astype(int), size - 1)
+    shape = (-1,) + (1,) * (values.ndim - 1)
+    part = (edges - whole).astype(np.float32).reshape(shape)
+    values = values.astype(np.float32)
+    before = np.zeros((size + 1, *values.shape[1:]), np.float32)
+    np.cumsum(values, axis=0, out=before[1:])
+    upto = before[whole] + part * values[whole]
+    return np.diff(upto, axis=0) / np.diff(edges).astype(np.float32).reshape(shape)
+
+
+def resample(image: np.ndarray, width: int, height: int, zoom: float = 1.0) -> np.ndarray:
+    """The middle ``1/zoom`` of an image, uint8 ``(h, w, 3)``, with another number of pixels."""
+    if image.shape[:2] == (height, width) and zoom == 1.0:
+        return image
+    small = means(means(image, height, zoom).swapaxes(0, 1), width, zoom)
+    return np.rint(small.swapaxes(0, 1)).astype(np.uint8)
+
+
+def hue(image: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Hue in degrees, saturation from 0 to 1 and value from 0 to 255, of RGB ``(*any, 3)``."""
+    red, green, blue = np.moveaxis(image.astype(np.float32), -1, 0)
+    value = np.maximum(np.maximum(red, green), blue)
+    chroma = value - np.minimum(np.minimum(red, green), blue)
+    divisor = np.maximum(chroma, 1)
+    sextant = np.where(
+        value == red,
+        (green - blue) / divisor,
+        np.where(value == green, 2 + (blue - red) / divisor, 4 + (red - green) / divisor),
+    )
+    return (60 * sextant) % 360, chroma / np.maximum(value, 1), value
