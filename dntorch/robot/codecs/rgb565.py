@@ -39,7 +39,7 @@ def decode(picture: Picture) -> np.ndarray:
     """
     width, height, pixels = picture
     if len(pixels) == 2 * width * height:
-        return _RGB[np.frombuffer(pixels, ">u2")].reshape(height, width, 3)
+        return np.take(_RGB, np.frombuffer(pixels, ">u2"), axis=0).reshape(height, width, 3)
     if len(pixels) == width * height:
         gray = np.frombuffer(pixels, np.uint8).reshape(height, width, 1)
         return np.repeat(gray, 3, axis=2)

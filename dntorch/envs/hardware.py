@@ -1,0 +1,204 @@
+"""A robot as a Gymnasium environment, with the spaces of the simulated one."""
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium import spaces
+
+from dntorch.colors import PAPER, check_colors
+from dntorch.envs.epuck import FARTHEST
+from dntorch.envs.sensors import PROXIMITY_TABLE
+from dntorch.envs.task import NOTHING, SequenceTask
+from dntorch.robot.body import EPUCK, Body, check_positive
+from dntorch.robot.calibration import Calibration
+from dntorch.robot.clock import Clock, RealClock
+from dntorch.robot.images import resample
+from dntorch.robot.robot import Frame, Robot
+from dntorch.robot.safety import Guard, Limits
+
+
+class HardwareEnv(gymnasium.Env):
+    """Find colours with a robot that is really there, or emulated.
+
+    Action and observation are those of ``EPuckEnv``: wheel speeds in rad/s; ``image``,
+    corrected and resampled, ``wheels`` and ``proximity``. One step takes ``dt`` seconds of
+    the clock. Nobody knows the truth here, so there is no ``bearing``; what counts as found
+    is what the agent reports, before the step, or a key press that is rewarded by itself.
+
+    ============ ======== ===============================================================
+    info         dtype    meaning
+    ============ ======== ===============================================================
+    found        int64    colour that was reported for this step (position) or -1
+    completed    bool     this step completed the sequence
+    fresh        bool     a new frame came since the last step
+    age          float64  s since the newest frame came; infinite without a link
+    late         float64  s by which this step ended too late: the jitter
+    stopped      str      why the robot stands although nobody said so, or ""
+    connections  int64    how often the link was made
+    speeds       float64  rad/s, that were sent, ``(2,)``
+    ============ ======== ===============================================================
+
+    Use it in a ``with`` statement: then signals and the end of the program stop the robot
+    too (see `Guard`). While frames are missing the last image is shown again and the robot
+    stands; with the first fresh one it goes on.
+
+    Args:
+        robot: what to drive; it is put behind a `Guard`.
+        clock: real time unless you say otherwise; the robot's.
+        sequence, colors, reward, reward_duration: of the task.
+        dt: s, one step.
+        body: size of the image that the agent sees, and the speed cap of the action space.
+        calibration: what to correct in images.
+        limits: of the guard; the speed cap of ``body`` unless you say otherwise.
+        key: asked once a step; true is rewarded like a completed sequence.
+        patience: s to wait for the first frame.
+
+    Raises:
+        ConnectionError: no frame comes, or the link is lost and was not to be made anew.
+        ValueError: an action of other than two finite numbers; the robot was stopped.
+    """
+
+    metadata: ClassVar = {"render_modes": []}
+
+    def __init__(
+        self,
+        robot: Robot,
+        clock: Clock | None = None,
+        *,
+        sequence: str = "GBYRG",
+        colors: str = PAPER,
+        reward: float = 2.0,
+        reward_duration: float = 1.0,
+        dt: float = 1 / 32,
+        body: Body = EPUCK,
+        calibration: Calibration | None = None,
+        limits: Limits | None = None,
+        key: Callable[[], bool] = lambda: False,
+        patience: float = 10.0,
+    ) -> None:
+        check_positive(dt=dt, patience=patience)
+        self.colors, self.dt, self.body, self.patience = check_colors(colors), dt, body, patience
+        self.clock, self.calibration = clock or RealClock(), calibration or Calibration()
+        self.guard = Guard(robot, self.clock, limits or Limits(speed=body.speed_cap))
+        self.task = SequenceTask(sequence, colors, reward, reward_duration, dt)
+        self.key, self._found, self._pressed = key, NOTHING, 0
+        self._frame: Frame | None = None
+        self._connected, self._ready = False, False
+        cap = body.speed_cap
+        self.action_space = spaces.Box(-cap, cap, (2,), np.float32)
+        self.observation_space = spaces.Dict({
+            "image": spaces.Box(0, 255, (body.height, body.width, 3), np.uint8),
+            "wheels": spaces.Box(-FARTHEST, FARTHEST, (2,), np.float32),
+            "proximity": spaces.Box(0, PROXIMITY_TABLE[0, 1], (8,), np.float32),
+        })  # fmt: skip
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Stop, wait for a frame, and begin the task anew. The robot stays where it is."""
+        super().reset(seed=seed)
+        if not self._connected:
+            self.guard.connect()
+            self._connected = True
+        self.guard.stop()
+        self._wait()
+        self._zero, self._rewarded = self._frame.steps, self.task.initial()
+        self._found, self._pressed, self._ready = NOTHING, 0, True
+        self._due = self.clock.now()
+        return self._observe(), self._info((0.0, 0.0), NOTHING, False, True, 0.0)
+
+    def report(self, found: int) -> None:
+        """Say which colour (position in ``colors``) the agent has found, for the next step."""
+        if not 0 <= found < len(self.colors):
+            raise ValueError(f"found={found!r}: give a position in colors={self.colors!r}")
+        self._found = int(found)
+
+    def step(self, action: np.ndarray):
+        if not self._ready:
+            raise gymnasium.error.ResetNeeded("the robot is not ready: call reset() first")
+        speeds = self.guard.drive(*self._speeds(action))
+        late = self._sleep()
+        fresh = self._look()
+        found, self._found = self._found, NOTHING
+        reward, completed, self._rewarded = self.task.step(torch.tensor(found), self._rewarded)
+        info = self._info(speeds, found, bool(completed), fresh, late)
+        return self._observe(), max(float(reward), self._press()), False, False, info
+
+    def close(self) -> None:
+        """Stop the robot and give the link back."""
+        self._ready = False
+        if self._connected:
+            self.guard.close()
+            self._connected = False
+
+    def __enter__(self) -> "HardwareEnv":
+        self.guard.__enter__()
+        self._connected = True
+        return self
+
+    def __exit__(self, *error) -> None:
+        self._ready = self._connected = False
+        self.guard.__exit__(*error)
+
+    # ---------------------------------------------------------------- inside
+
+    def _wait(self) -> None:
+        end = self.clock.now() + self.patience
+        while not self._look():
+            if self.clock.now() >= end:
+                raise ConnectionError(
+                    f"no frame from the robot in {self.patience:g} s: is it on, near, and is its "
+                    "selector where the page about hardware says?"
+                )
+            self.guard.drive(0.0, 0.0)  # speed 0 also asks for frames
+            self.clock.sleep_until(self.clock.now() + self.dt)
+
+    def _look(self) -> bool:
+        """Take the newest frame; whether it is a new one."""
+        frame, before = self.guard.frame, self._frame
+        if frame is None or (before is not None and frame.number == before.number):
+            return False
+        self._frame = frame
+        corrected = self.calibration.correct(frame.image)
+        self._image = resample(corrected, self.body.width, self.body.height)
+        return True
+
+    def _sleep(self) -> float:
+        """Wait for the end of the step; how late it is."""
+        self._due += self.dt
+        self.clock.sleep_until(self._due)
+        late = max(0.0, self.clock.now() - self._due)
+        if late > self.dt:
+            self._due = self.clock.now()  # lost time is not caught up in a hurry
+        return late
+
+    def _press(self) -> float:
+        self._pressed = self.task.steps if self.key() else max(0, self._pressed - 1)
+        return self.task.reward * (self._pressed > 0)
+
+    def _speeds(self, action: np.ndarray) -> tuple[float, float]:
+        speeds = np.asarray(action, np.float64)
+        if speeds.shape != (2,):
+            self.guard.stop()
+            raise ValueError(f"action={action!r}: give two wheel speeds (left, right) in rad/s")
+        return float(speeds[0]), float(speeds[1])
+
+    def _observe(self) -> dict[str, np.ndarray]:
+        return {
+            "image": self._image.copy(),
+            "wheels": (self._frame.steps - self._zero).astype(np.float32),
+            "proximity": self._frame.proximity.clip(0, PROXIMITY_TABLE[0, 1]).astype(np.float32),
+        }
+
+    def _info(self, speeds, found: int, completed: bool, fresh: bool, late: float):
+        return {
+            "found": np.int64(found),
+            "completed": completed,
+            "fresh": fresh,
+            "age": np.float64(self.guard.age),
+            "late": np.float64(late),
+            "stopped": self.guard.tripped or "",
+            "connections": np.int64(self.guard.connections),
+            "speeds": np.array(speeds, np.float64),
+        }

@@ -1,0 +1,169 @@
+"""What one robot's camera and wheels are like: a small file, made from its own frames."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dntorch.robot.body import EPUCK, check_positive
+from dntorch.robot.images import hue
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What to correct; the default corrects nothing.
+
+    `correct` applies the first three to every image. The rest is for the agent, as the
+    arguments ``hue_centers``, ``fov`` and ``axle`` of ``FindColor``.
+
+    Raises:
+        ValueError: a value that corrects nothing sensible, at once or from a file.
+    """
+
+    rotate: int = 0
+    """degrees counter-clockwise: 0, 90, 180 or 270"""
+    mirror: bool = False
+    """left and right are exchanged, after the rotation"""
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """of red, green, blue"""
+    hues: dict[str, float] = field(default_factory=dict)
+    """degrees, by letter, as they look after the gains"""
+    fov: float = EPUCK.fov
+    """rad, horizontal, after the rotation"""
+    axle: float = EPUCK.axle
+    """m, as the turning of the robot shows it"""
+
+    def __post_init__(self) -> None:
+        check_positive(fov=self.fov, axle=self.axle)
+        if self.rotate not in (0, 90, 180, 270):
+            raise ValueError(f"rotate={self.rotate!r}: choose 0, 90, 180 or 270")
+        if len(self.gains) != 3 or not all(0 < gain < math.inf for gain in self.gains):
+            raise ValueError(f"gains={self.gains!r}: give three numbers above 0")
+
+    def correct(self, image: np.ndarray) -> np.ndarray:
+        """An image as the camera should have seen it, uint8 RGB."""
+        image = np.rot90(image, self.rotate // 90)
+        image = image[:, ::-1] if self.mirror else image
+        if self.gains == (1.0, 1.0, 1.0):
+            return np.ascontiguousarray(image)
+        bright = image * np.array(self.gains, np.float32)
+        return np.rint(bright.clip(0, 255)).astype(np.uint8)
+
+    def hue_centers(self, colors: str) -> list[float] | None:
+        """Hues for a repertoire; ``None`` if none was measured.
+
+        Raises:
+            ValueError: some were measured, but not all.
+        """
+        if not self.hues:
+            return None
+        missing = [letter for letter in colors if letter not in self.hues]
+        if missing:
+            raise ValueError(f"hues={self.hues}: measure {', '.join(missing)} as well")
+        return [self.hues[letter] for letter in colors]
+
+    def save(self, path: str | Path) -> None:
+        Path(path).write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Calibration":
+        try:
+            values = json.loads(Path(path).read_text(encoding="utf-8"))
+            return cls(**{**values, "gains": tuple(values.get("gains", (1.0, 1.0, 1.0)))})
+        except (TypeError, AttributeError, json.JSONDecodeError) as error:
+            raise ValueError(f"{path} is no calibration: {error}") from error
+
+
+def gray_world(images: Sequence[np.ndarray]) -> tuple[float, float, float]:
+    """Gains that make the world gray on average; none makes an image brighter than it was.
+
+    Take images all around: what is on one side may be of one colour.
+    """
+    means = np.mean([image.reshape(-1, 3).mean(0) for image in images], axis=0)
+    if means.min() < 1:
+        raise ValueError(f"mean colour {means.round(1)}: too dark to balance; give more light")
+    red, green, blue = (means.min() / means).tolist()
+    return red, green, blue
+
+
+def white_reference(images: Sequence[np.ndarray]) -> tuple[float, float, float]:
+    """Gains that make the middle of the images gray: hold white paper before the camera."""
+    tall, wide = images[0].shape[:2]
+    rows, columns = slice(tall // 3, -(tall // 3)), slice(wide // 3, -(wide // 3))
+    return gray_world([image[rows, columns] for image in images])
+
+
+def measure_hue(images: Sequence[np.ndarray]) -> float:
+    """Hue in degrees of the coloured thing in the middle third of the columns.
+
+    Raises:
+        ValueError: nothing coloured is there.
+    """
+    wide = images[0].shape[1]
+    middle = np.stack([image[:, wide // 3 : -(wide // 3)] for image in images])
+    angle, saturation, value = hue(middle)
+    colored = (saturation >= 90 / 255) & (value >= 40)
+    if colored.mean() < 0.02:
+        raise ValueError("nothing coloured in the middle of the image: put one block before it")
+    mean = np.exp(1j * np.radians(angle[colored])).mean()
+    return float(np.degrees(np.angle(mean)) % 360)
+
+
+def measure_view(
+    images: Sequence[np.ndarray], yaws: Sequence[float], distance: float = math.inf
+) -> tuple[float, bool]:
+    """Field of view in rad, and whether images are mirrored, from turning on the spot.
+
+    Args:
+        images: while turning, a few degrees apart.
+        yaws: rad, counter-clockwise, for each.
+        distance: m, from the middle of the robot to what is seen. The camera stands before
+            the axle, so near things seem to move faster.
+    """
+    shifts = np.array([_shift(a, b) for a, b in zip(images, images[1:])])
+    ratio = 1.0 if math.isinf(distance) else distance / (distance - EPUCK.camera[0])
+    turned = np.diff(yaws) * ratio
+    focal = float((shifts @ turned) / (turned @ turned))  # left is +: things move to the right
+    if not abs(focal) > 1:
+        raise ValueError("the images do not move with the robot: turn among things to look at")
+    return 2 * math.atan(images[0].shape[1] / 2 / abs(focal)), focal < 0
+
+
+def measure_axle(
+    images: Sequence[np.ndarray], wheels: Sequence[float], wheel_radius: float = EPUCK.wheel_radius
+) -> float:
+    """Axle in m from a little more than one turn on the spot.
+
+    Args:
+        images: the last ones see again what the first one saw.
+        wheels: rad, right wheel minus left wheel, for each image.
+    """
+    turned = np.abs(np.array(wheels) - wheels[0])
+    first = images[0].astype(np.float32)
+    unlike = np.array([np.square(image - first).mean() for image in images])
+    late = turned > 0.75 * math.tau * EPUCK.axle / wheel_radius
+    if not late[:-1].any():
+        raise ValueError("less than a turn: go on until the robot sees its first image again")
+    best = int(np.where(late, unlike, np.inf).argmin())
+    return float(turned[best] * wheel_radius / math.tau)
+
+
+def _shift(before: np.ndarray, after: np.ndarray) -> float:
+    """Columns by which things moved to the right, to a fraction."""
+    wide = before.shape[1]
+    a, b = (image.mean(0) - image.mean((0, 1)) for image in (before, after))
+    reach = range(-wide // 3, wide // 3 + 1)
+    unlike = np.array([_difference(a, b, shift) for shift in reach])
+    best = int(unlike[1:-1].argmin()) + 1
+    left, middle, right = unlike[best - 1 : best + 2]
+    bend = left - 2 * middle + right
+    return reach[best] + (0.5 * (left - right) / bend if bend > 0 else 0.0)
+
+
+def _difference(a: np.ndarray, b: np.ndarray, shift: int) -> float:
+    wide = len(a)
+    kept = a[max(0, -shift) : wide - max(0, shift)]
+    return float(np.square(kept - b[max(0, shift) : wide - max(0, -shift)]).mean())
