@@ -1,0 +1,152 @@
+"""The worlds as TorchRL environments."""
+
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torch.utils import _pytree as pytree
+from torchrl.data import Bounded, Categorical, Composite, Unbounded
+from torchrl.envs import EnvBase, GymWrapper, InitTracker, TransformedEnv
+from torchrl.envs.gym_like import default_info_dict_reader
+
+from dntorch.envs.nodes import NodesState, NodesWorld
+from dntorch.envs.task import SequenceTask
+from dntorch.experiments.config import Config
+from dntorch.rl.transforms import AgentPrimer, LastReward, Resumable
+
+
+class NodesEnv(EnvBase):
+    """The abstract world, natively batched: one agent in each member of the batch.
+
+    ========  ==================  ===========================================================
+    key       shape, dtype        meaning
+    ========  ==================  ===========================================================
+    action    ``(*batch, n)``     firing rate of each intention
+    match     ``(*batch, n)``     match of each condition of satisfaction
+    found     ``(*batch,)`` int64  colour found in this step, or -1
+    completed ``(*batch,)`` bool  the sequence was completed in this step
+    reward    ``(*batch, 1)``
+    ========  ==================  ===========================================================
+
+    It never ends; for episodes append TorchRL's ``StepCounter``. Durations are drawn for
+    (seed, agent, number of the visit), and visits are counted on over resets:
+    ``set_seed`` begins again.
+    """
+
+    def __init__(self, world: NodesWorld | None = None) -> None:
+        self.world = world or NodesWorld()
+        batch, n = self.world.agents.shape, self.world.n
+        super().__init__(batch_size=batch)
+        self.state = self.world.initial()
+        rate = Bounded(0.0, 1.0, (*batch, n), dtype=torch.float32)
+        self.action_spec = rate
+        self.observation_spec = Composite(
+            match=rate.clone(),
+            found=Bounded(-1, n - 1, batch, dtype=torch.int64),
+            completed=_flag(batch),
+            shape=batch,
+        )
+        self.reward_spec = Unbounded((*batch, 1))
+
+    def _show(self, match: Tensor, found: Tensor, completed: Tensor, **others) -> TensorDict:
+        content = {"match": match, "found": found, "completed": completed, **others}
+        return TensorDict(content, batch_size=self.batch_size)
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDictBase:
+        fresh = self.world.initial()._replace(visits=self.state.visits)
+        mask = None if tensordict is None else tensordict.get("_reset", None)
+        if mask is not None:
+            where = mask.squeeze(-1)
+
+            def pick(new: Tensor, old: Tensor) -> Tensor:
+                return torch.where(
+                    where.reshape(where.shape + (1,) * (new.dim() - where.dim())), new, old
+                )
+
+            fresh = pytree.tree_map(pick, fresh, self.state)
+        self.state = fresh
+        match = self.observation_spec["match"].zero()
+        return self._show(match, self.state.target.clone().fill_(-1), match[..., 0] > 0)
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        step, self.state = self.world.step(tensordict.get("action"), self.state)
+        never = torch.zeros((*self.batch_size, 1), dtype=torch.bool)
+        return self._show(
+            step.observation, step.found, step.completed,
+            reward=step.reward.unsqueeze(-1), done=never, terminated=never.clone(),
+        )  # fmt: skip
+
+    def _set_seed(self, seed: int | None) -> None:
+        if seed is not None:
+            self.world.seed = seed
+        self.state = self.world.initial()
+
+    def state_dict(self, *_: Any, **__: Any) -> dict[str, Any]:
+        """A snapshot of the world."""
+        return {"seed": self.world.seed, "state": pytree.tree_leaves(self.state)}
+
+    def load_state_dict(self, state: dict[str, Any], *_: Any, **__: Any) -> None:
+        self.world.seed = state["seed"]
+        structure = pytree.tree_structure(self.state)
+        self.state = pytree.tree_unflatten(state["state"], structure)
+
+
+def _flag(batch: tuple[int, ...] = ()) -> Categorical:
+    return Categorical(2, shape=batch, dtype=torch.bool)
+
+
+def nodes(
+    config: Config, primer: AgentPrimer | None = None, agents: int | Tensor = 0
+) -> TransformedEnv:
+    """The abstract world of a run, with what `AgentPolicy` needs; ``agents`` by number."""
+    task = SequenceTask(
+        config.sequence, config.colors, config.reward, config.reward_duration, config.dt
+    )
+    return _transformed(NodesEnv(NodesWorld(task, config.seed, agents)), primer)
+
+
+def epuck(
+    config: Config, primer: AgentPrimer | None = None, max_seconds: float | None = None
+) -> TransformedEnv:
+    """The PyBullet world of a run, with what `AgentPolicy` needs.
+
+    The layout is that of ``config.seed`` in every episode, of which there is one unless
+    ``max_seconds`` cuts it. Recorded beside the observation: ``found`` and ``completed``.
+    """
+    from gymnasium.wrappers import FilterObservation
+
+    from dntorch.envs.epuck import EPuckEnv
+    from dntorch.robot.body import Body
+
+    env = EPuckEnv(
+        sequence=config.sequence,
+        colors=config.colors,
+        reward=config.reward,
+        reward_duration=config.reward_duration,
+        dt=config.dt,
+        body=Body(width=config.width, height=config.height),
+        layout_seed=config.seed,
+        max_seconds=max_seconds,
+    )
+    seen = FilterObservation(env, ["image"])
+    return wrap(seen, primer, found=Unbounded((), dtype=torch.int64), completed=_flag())
+
+
+def wrap(env: Any, primer: AgentPrimer | None = None, **info: Any) -> TransformedEnv:
+    """Any Gymnasium env of this library, simulated or hardware, with what `AgentPolicy` needs.
+
+    ``info`` names entries of the info dictionary to record, with their specs.
+    """
+    wrapped = GymWrapper(env)
+    if info:
+        wrapped.set_info_dict_reader(default_info_dict_reader(list(info), Composite(info)))
+    return _transformed(wrapped, primer)
+
+
+def _transformed(env: EnvBase, primer: AgentPrimer | None) -> TransformedEnv:
+    env = TransformedEnv(env, InitTracker())
+    env.append_transform(LastReward())
+    if primer is not None:
+        env.append_transform(primer)
+    return env.append_transform(Resumable())

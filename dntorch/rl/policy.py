@@ -1,0 +1,203 @@
+"""A policy for TorchRL made from the agent; it learns on line in its own forward."""
+
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torch import Tensor
+from torch.utils import _pytree as pytree
+from torchrl.data import Composite, Unbounded
+
+from dntorch.modules.sarsa import AgentState, DNSarsa
+from dntorch.noise import Exploration
+from dntorch.rl.transforms import AgentPrimer
+
+
+class AgentPolicy(TensorDictModuleBase):
+    """Reads what the world shows and rewards, writes what the agent does and has in mind.
+
+    ============  =======================  ===================================================
+    key           shape                    meaning
+    ============  =======================  ===================================================
+    *reads*
+    observation   as the agent wants it    ``image`` of a camera, ``match`` of abstract worlds
+    last_reward   ``(*batch, 1)``          of the step before, see `LastReward`
+    is_init       ``(*batch, 1)``          activation goes back to rest, what was learned stays
+    *writes*
+    action        as the agent has it
+    intention     ``(*batch, n)``          firing rate of the intention nodes
+    satisfaction  ``(*batch, n)``          firing rate of the CoS nodes
+    trace         ``(*batch, n, n)``       eligibility ``[action, state]``
+    error         ``(*batch,)``            value cell
+    weights       ``(*batch, n, n)``       learned values ``[action, state]``
+    steps         ``(*batch,)``            control steps taken so far, int64
+    ============  =======================  ===================================================
+
+    The state (activations, learned values, number of steps) is kept in one of two places:
+
+    * in buffers (the default): ``policy.agent`` itself learns. For one process, and for
+      processes that each build a policy of their own (``policy_factory=``).
+    * in the tensordict (``carried=True``), under ``agent``: ``policy.agent`` stays as it is.
+      For collectors that share or send policies. The env needs ``policy.primer()``;
+      ``policy.adopt(batch)`` gives the agent what was learned.
+
+    Args:
+        agent: a `DNSarsa`, with a batch if the env has one (then with values of its own for
+            each: call ``agent.spread(*batch)``).
+        explore: steps with noise on the values; then they are exploited.
+        exploration: the noise; without it there is none.
+        observation: key of the observation.
+        carried: keep the state in the tensordict.
+
+    Raises:
+        ValueError: ``explore`` without ``exploration``; values that a batch would share.
+        RuntimeError: on a step, when buffers that hold state lie in shared memory.
+        KeyError: on a step, when the tensordict lacks the state it should carry.
+    """
+
+    KEPT = "agent"
+
+    def __init__(
+        self,
+        agent: DNSarsa,
+        explore: int = 0,
+        exploration: Exploration | None = None,
+        observation: str = "image",
+        carried: bool = False,
+    ) -> None:
+        super().__init__()
+        batch = list(agent.origin.shape)
+        if explore and exploration is None:
+            raise ValueError(f"explore={explore} needs exploration=dntorch.Exploration(n, seed)")
+        if list(agent.weights.shape[:-2]) != batch:
+            raise ValueError(
+                f"an agent of batch {batch} with weights of batch {list(agent.weights.shape[:-2])}:"
+                " call agent.spread(*batch) to let each learn its own"
+            )
+        self.agent, self.explore, self.exploration = agent, explore, exploration
+        self.observation, self.carried = observation, carried
+        self.register_buffer("steps", torch.zeros(batch, dtype=torch.int64), persistent=False)
+        leaves, self.structure = pytree.tree_flatten_with_path(agent.state)
+        self.names = [pytree.keystr(path) for path, _ in leaves]
+        self.names = [name.replace("['", ".").replace("']", "").lstrip(".") for name in self.names]
+        self.in_keys = [observation, "last_reward", "is_init"]
+        self.spec = self._spec(batch)
+        self.out_keys = list(self.spec.keys())
+        if carried:
+            self.in_keys += [(self.KEPT, name) for name in [*self.names, "steps"]]
+            self.out_keys += [("next", key) for key in self.in_keys[3:]]
+
+    def _spec(self, batch: list[int]) -> Composite:
+        state = self.agent.initial(batch)
+        written = self._written(state, self.steps)
+        intention = written["intention"]
+        written["action"] = self.agent.sensorimotor.act(intention, state.sensorimotor)
+        return Composite(
+            {k: Unbounded(v.shape, v.device, v.dtype) for k, v in written.items()}, shape=batch
+        )
+
+    def _written(self, state: AgentState, steps: Tensor) -> dict[str, Tensor]:
+        intention, satisfaction = self.agent.behaviors.output(state.behaviors)
+        learner = state.learner
+        return {
+            "intention": intention,
+            "satisfaction": satisfaction,
+            "trace": learner.trace.u,
+            "error": learner.opposition.error,
+            "weights": learner.values.weights,
+            "steps": steps,
+        }
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        state, steps = self._recall(tensordict)
+        first = tensordict.get("is_init").squeeze(-1)
+        if first.any():
+            state = self._begin(first, state)
+        reward = tensordict.get("last_reward").squeeze(-1)
+        noise = self._noise(state.decisions, steps)
+        action, state = self.agent.step(tensordict.get(self.observation), reward, noise, state)
+        steps = steps + 1
+        self._remember(tensordict, state, steps)
+        for key, value in self._written(state, steps).items():
+            tensordict.set(key, value)  # a new tensor each step, never a buffer
+        return tensordict.set("action", action)
+
+    def _noise(self, decisions: Tensor, steps: Tensor) -> Tensor:
+        exploring = steps < self.explore
+        if not exploring.any():
+            return torch.zeros_like(self.agent.weights)
+        noise = self.exploration(decisions, self.agent.weights.dtype)
+        if exploring.all():
+            return noise
+        return noise * exploring[..., None, None].to(noise)
+
+    def _begin(self, first: Tensor, state: AgentState) -> AgentState:
+        """At rest where ``first``; values and the count of decisions go on."""
+
+        def pick(rest: Tensor, running: Tensor) -> Tensor:
+            mask = first.reshape(first.shape + (1,) * (running.dim() - first.dim()))
+            return torch.where(mask, rest, running)
+
+        begun = pytree.tree_map(pick, self.agent.initial(list(first.shape)), state)
+        return begun._replace(
+            decisions=state.decisions, learner=begun.learner._replace(values=state.learner.values)
+        )
+
+    # ------------------------------------------------------------- where the state is kept
+
+    def _recall(self, tensordict: TensorDictBase) -> tuple[AgentState, Tensor]:
+        if not self.carried:
+            self._refuse_shared_memory()
+            return self.agent.state, self.steps.clone()
+        kept = tensordict.get(self.KEPT, None)
+        missing = [k for k in [*self.names, "steps"] if kept is None or k not in kept.keys()]
+        if missing:
+            raise KeyError(
+                f"the tensordict lacks {missing[0]!r} under {self.KEPT!r}: without its state the "
+                "agent would forget in silence; append policy.primer() to the env's transforms"
+            )
+        leaves = [kept.get(name) for name in self.names]
+        return pytree.tree_unflatten(leaves, self.structure), kept.get("steps")
+
+    def _remember(self, tensordict: TensorDictBase, state: AgentState, steps: Tensor) -> None:
+        if self.carried:
+            tensordict.set(("next", self.KEPT), self._pack(state, steps))
+        else:
+            self.agent.state = state
+            self.steps.copy_(steps)
+
+    def _pack(self, state: AgentState, steps: Tensor) -> TensorDict:
+        content = dict(zip(self.names, pytree.tree_leaves(state)))
+        return TensorDict(content | {"steps": steps}, batch_size=self.steps.shape)
+
+    def _refuse_shared_memory(self) -> None:
+        buffer = self.agent.decisions
+        if not buffer.is_cuda and buffer.is_shared():  # all memory of a GPU can be shared
+            raise RuntimeError(
+                "the buffers of this policy lie in memory that several processes share: they "
+                "would all step one agent. Pass policy_factory=, a function that builds a policy "
+                "in each process, instead of policy=; or build it with carried=True"
+            )
+
+    def primer(self) -> AgentPrimer:
+        """The transform that carries this agent's state, from what the agent is now."""
+        return AgentPrimer(self.KEPT, self._pack(self.agent.state, self.steps.clone()))
+
+    def adopt(self, batch: TensorDictBase) -> DNSarsa:
+        """Give the agent the state after the last step of a ``batch`` that carries it."""
+        last = batch[..., -1].get(("next", self.KEPT))
+        state = pytree.tree_unflatten([last.get(name) for name in self.names], self.structure)
+        self.agent.state = state
+        self.steps.copy_(last.get("steps"))
+        return self.agent
+
+    # ------------------------------------------------------------- checkpoints
+
+    def get_extra_state(self) -> dict[str, Any]:
+        """All that an exact resume needs; ``state_dict`` alone keeps what was learned."""
+        return {"agent": self.agent.snapshot(), "steps": self.steps.clone()}
+
+    def set_extra_state(self, state: dict[str, Any]) -> None:
+        self.agent.restore(state["agent"])
+        self.steps.copy_(state["steps"])

@@ -1,0 +1,255 @@
+"""The agent as a TorchRL policy: the same numbers as the plain loop, and nothing lost on the way."""
+
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from tensordict import TensorDictBase
+from torchrl.envs import EnvBase, StepCounter, check_env_specs
+
+from dntorch import DNSarsa, Exploration
+from dntorch.experiments import checkpoint
+from dntorch.experiments.config import Config, build_agent, build_exploration
+from dntorch.experiments.trial import Trial
+from dntorch.rl import AgentPolicy, AgentPrimer, epuck, nodes
+from dntorch.rl.envs import wrap
+
+# TorchRL 0.14 deprecates weight updaters of its own while its collectors are imported.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Creating .*WeightUpdater which inherits:DeprecationWarning"
+)
+
+WORLDS = {"nodes": (nodes, "match"), "epuck": (epuck, "image")}
+FORMS = pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tensordict"])
+WORLD = pytest.mark.parametrize("world", WORLDS)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    """As in the command line: many small operations are fastest, and always the same, so."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def collector(env: EnvBase, policy: AgentPolicy, frames: int, total: int = -1):
+    from torchrl.collectors import Collector
+
+    return Collector(env, policy, frames_per_batch=frames, total_frames=total)
+
+
+def build(config: Config, carried: bool = False) -> tuple[EnvBase, AgentPolicy]:
+    make, observation = WORLDS[config.world]
+    agent, exploration = build_agent(config), build_exploration(config)
+    policy = AgentPolicy(agent, config.explore, exploration, observation, carried)
+    return make(config, policy.primer() if carried else None), policy
+
+
+@FORMS
+@WORLD
+def test_a_collector_learns_what_the_plain_loop_learns(world: str, carried: bool) -> None:
+    config = Config(world=world, steps=360, explore=250, seed=3)
+    trial = Trial(config)
+    trial.advance(360)
+    env, policy = build(config, carried)
+    before = policy.agent.snapshot()
+    batches = [batch.clone() for batch in collector(env, policy, 90, 360)]
+    record = torch.cat(batches)
+    if carried:  # the agent itself was only read
+        assert all(torch.equal(v, before[k]) for k, v in policy.agent.snapshot().items())
+        policy.adopt(batches[-1])
+    ours, theirs = policy.agent.snapshot(), trial.agent.snapshot()
+    assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
+    assert policy.steps == 360
+    arrays = trial.record.arrays()
+    for name in ("intention", "satisfaction", "trace", "error"):
+        assert np.array_equal(record[name].numpy(), arrays[name]), name
+    assert np.array_equal(record["weights"][::100].numpy(), arrays["weights"])
+    assert np.array_equal(record["next", "found"].numpy(), arrays["found"])
+    assert np.array_equal(record["next", "reward"][:, 0].numpy(), arrays["reward"])
+    assert record["steps"].tolist() == list(range(1, 361))
+
+
+def test_the_values_that_came_back_are_not_zero() -> None:
+    config = Config(world="nodes", seed=0, sequence="GB", colors="GB")
+    env, policy = build(config)
+    for _ in collector(env, policy, 1000, 1000):
+        pass
+    assert policy.agent.weights.abs().max() > 0.01
+
+
+@WORLD
+def test_building_a_collector_steps_no_agent(world: str) -> None:
+    env, policy = build(Config(world=world))
+    before = policy.agent.snapshot()
+    collector(env, policy, 10).shutdown()
+    assert policy.steps == 0
+    assert all(torch.equal(v, before[k]) for k, v in policy.agent.snapshot().items())
+
+
+@FORMS
+@WORLD
+def test_specs(world: str, carried: bool) -> None:
+    env, _ = build(Config(world=world), carried)
+    check_env_specs(env)
+    env.append_transform(StepCounter(max_steps=2))
+    check_env_specs(env)
+
+
+def test_specs_of_a_batch() -> None:
+    env = nodes(Config(world="nodes"), agents=torch.arange(3))
+    check_env_specs(env)
+    assert env.rollout(5).shape == (3, 5)
+
+
+# ------------------------------------------------------------------ batches
+
+
+def test_rows_of_a_native_batch_are_what_agents_alone_are() -> None:
+    config = Config(world="nodes", seed=5, explore=300, sequence="GB", colors="GBY")
+    numbers = torch.arange(4)
+    policy = AgentPolicy(DNSarsa(3).spread(4), 300, Exploration(3, 5, numbers), observation="match")
+    batch = next(iter(collector(nodes(config, agents=numbers), policy, 4 * 450)))
+    for k in range(4):
+        alone = AgentPolicy(DNSarsa(3), 300, Exploration(3, 5, k), observation="match")
+        one = next(iter(collector(nodes(config, agents=k), alone, 450)))
+        assert torch.equal(one["next", "found"], batch["next", "found"][k])
+        assert torch.allclose(one["weights"], batch["weights"][k], atol=1e-4)
+    assert (batch["next", "found"] >= 0).sum() > 8
+
+
+def test_a_batch_that_would_share_its_values_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"agent.spread"):
+        AgentPolicy(DNSarsa(2).resize(3))
+
+
+# ------------------------------------------------------------------ episodes
+
+
+class Bell(gymnasium.Env):
+    """Ends every third step; the reward is the number of the step, also of the last one."""
+
+    observation_space = gymnasium.spaces.Dict(
+        {"match": gymnasium.spaces.Box(0, 1, (2,), np.float32)}
+    )
+    action_space = gymnasium.spaces.Box(0, 1, (2,), np.float32)
+    count = 0
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return {"match": np.zeros(2, np.float32)}, {}
+
+    def step(self, action):
+        self.count += 1
+        ended = self.count % 3 == 0
+        return {"match": np.zeros(2, np.float32)}, float(self.count), ended, False, {}
+
+
+def test_the_policy_sees_every_reward_once_the_terminal_one_included() -> None:
+    policy = AgentPolicy(DNSarsa(2), observation="match")
+    batch = next(iter(collector(wrap(Bell()), policy, 10)))
+    assert batch["last_reward"][:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
+    assert batch["is_init"][:, 0].tolist() == [k % 3 == 0 for k in range(10)]
+
+
+@FORMS
+def test_a_reset_forgets_the_activation_and_keeps_what_was_learned(carried: bool) -> None:
+    config = Config(world="nodes", seed=1, explore=10_000)
+    env, policy = build(config, carried)
+    env.append_transform(StepCounter(max_steps=300))
+    with torch.no_grad():
+        policy.agent.weights.fill_(0.5)
+    if carried:
+        env = nodes(config, policy.primer()).append_transform(StepCounter(max_steps=300))
+    batch = next(iter(collector(env, policy, 700)))
+    first = batch["is_init"][:, 0].nonzero()[:, 0].tolist()
+    assert first == [0, 300, 600]
+    assert (batch["satisfaction"][299] > 0.5).any()  # busy before, at rest after
+    assert not (batch["satisfaction"][300] > 0.5).any()
+    assert torch.equal(batch["weights"][300], batch["weights"][299])
+    assert batch["steps"].tolist() == list(range(1, 701))
+
+
+def test_exploration_does_not_repeat_itself_in_each_episode() -> None:
+    env, policy = build(
+        Config(world="nodes", seed=1, explore=10_000, colors="ROYGCBVM", sequence="RO")
+    )
+    env.append_transform(StepCounter(max_steps=600))
+    found = next(iter(collector(env, policy, 2400)))["next", "found"].view(4, 600)
+    orders = {tuple(row[row >= 0].tolist()) for row in found}
+    assert len(orders) > 1
+
+
+def test_noise_ends_after_the_steps_of_exploration() -> None:
+    loud = AgentPolicy(DNSarsa(2), 3, Exploration(2, 0), observation="match")
+    drawn = [float(loud._noise(torch.tensor(0), torch.tensor(k)).sum()) for k in range(5)]
+    assert all(drawn[:3]) and not any(drawn[3:])
+    mixed = AgentPolicy(DNSarsa(2).spread(2), 3, Exploration(2, 0, [0, 1]), observation="match")
+    rows = mixed._noise(torch.tensor([0, 0]), torch.tensor([2, 3])).sum((1, 2))
+    assert rows[0] > 0 and rows[1] == 0
+
+
+# ------------------------------------------------------------------ what must not pass in silence
+
+
+def test_a_state_that_nobody_carries_is_refused() -> None:
+    env, _ = build(Config(world="nodes"))
+    policy = build(Config(world="nodes"), carried=True)[1]
+    with pytest.raises(KeyError, match=r"append policy.primer\(\)"):
+        policy(env.reset())
+
+
+def test_a_stateful_policy_in_shared_memory_is_refused() -> None:
+    env, policy = build(Config(world="nodes"))
+    policy.share_memory()
+    with pytest.raises(RuntimeError, match="policy_factory=.*or build it with carried=True"):
+        policy(env.reset())
+
+
+def test_a_shared_policy_whose_state_is_carried_works() -> None:
+    env, policy = build(Config(world="nodes"), carried=True)
+    policy.share_memory()
+    assert policy(env.reset())["steps"] == 1
+
+
+def test_exploration_without_noise_is_refused() -> None:
+    with pytest.raises(ValueError, match="explore=5 needs exploration"):
+        AgentPolicy(DNSarsa(2), explore=5)
+
+
+# ------------------------------------------------------------------ checkpoints
+
+
+def advance(collector, batches: int) -> TensorDictBase:
+    iterator = iter(collector)
+    return torch.cat([next(iterator).clone() for _ in range(batches)])
+
+
+@FORMS
+@WORLD
+def test_a_collector_resumes_to_the_same_numbers(world: str, carried: bool, tmp_path: Path) -> None:
+    config = Config(world=world, steps=240, explore=150, seed=4)
+    env, policy = build(config, carried)
+    whole = advance(collector(env, policy, 60), 4)
+
+    first = collector(*build(config, carried), 60)
+    advance(first, 2)
+    checkpoint.save(tmp_path / "c.pt", {"collector": first.state_dict()})
+    first.shutdown()
+    second = collector(*build(config, carried), 60)
+    second.load_state_dict(checkpoint.load(tmp_path / "c.pt")["collector"])
+    rest = advance(second, 2)
+    for name in ("action", "intention", "weights", "steps", "is_init", ("next", "found")):
+        assert torch.equal(rest[name], whole[name][120:]), name
+
+
+def test_a_primer_forgets_when_it_is_told_to() -> None:
+    env, policy = build(Config(world="nodes"), carried=True)
+    env.rollout(20, policy)
+    primer = next(t for t in env.transform if isinstance(t, AgentPrimer))
+    assert env.reset()["agent", "steps"] == 20
+    primer.forget()
+    assert env.reset()["agent", "steps"] == 0
