@@ -160,7 +160,9 @@ def _shift(before: np.ndarray, after: np.ndarray) -> float:
     best = int(unlike[1:-1].argmin()) + 1
     left, middle, right = unlike[best - 1 : best + 2]
     bend = left - 2 * middle + right
-    return reach[best] + (0.5 * (left - right) / bend if bend > 0 else 0.0)
+    if not bend > 0:
+        return 0.0  # nothing to go by
+    return reach[best] + 0.5 * (left - right) / bend
 
 
 def _difference(a: np.ndarray, b: np.ndarray, shift: int) -> float:
