@@ -27,10 +27,10 @@ from dntorch.experiments.variants import build_variant
 from dntorch.modules.sarsa import AgentState
 from dntorch.noise import Exploration, keyed_uniform
 
-PORTION = 1000
+PORTION = 500
 """Control steps for which chance is drawn ahead."""
-ROWS = PORTION // 16
-"""Events that an agent may have in a portion: a behaviour takes longer than half a second."""
+ROWS = PORTION // 31
+"""Events that an agent may have in a portion: a behaviour takes longer than a second."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class AnyOf(SequenceTask):
 def innermost(tensor: Tensor) -> Tensor:
     """The same tensor with its first dimension, the batch, innermost in memory: twice as fast."""
     if tensor.dim() < 2:
-        return tensor.contiguous()
+        return tensor.clone()
     return tensor.movedim(0, -1).contiguous().movedim(-1, 0)
 
 
@@ -174,14 +174,18 @@ class Population:
         config = self.config
         self.agent = build_variant(config, group.variant).to(dtype)
         kind = AnyOf if group.tasks else SequenceTask
-        task = kind(config.sequence, config.colors, config.reward, config.reward_duration, config.dt)
+        task = kind(
+            config.sequence, config.colors, config.reward, config.reward_duration, config.dt
+        )
         self.world = Tables(task.also(group.tasks) if group.tasks else task, config.seed, self.ids)
         self.exploration = Exploration(self.n, config.seed, self.ids, config.noise)
         self._individualize()
         self.running = self.initial()
         self.now = 0
         self.events: dict[str, list[np.ndarray]] = {}
-        self.step = torch.compile(self._step, fullgraph=True, dynamic=False) if compiled else self._step
+        self.step = (
+            torch.compile(self._step, fullgraph=True, dynamic=False) if compiled else self._step
+        )
 
     def _individualize(self) -> None:
         """Give parameters that differ between agents the shapes in which they broadcast."""
@@ -213,7 +217,7 @@ class Population:
         rest = self.agent.initial([batch])
         return Running(
             torch.zeros((), dtype=torch.int64),
-            innermost(zeros(batch, n, dtype=self.dtype)),
+            zeros(batch, n, dtype=self.dtype),
             zeros(batch, dtype=self.dtype),
             tree_map(innermost, rest),
             tree_map(innermost, self.world.initial()),
@@ -228,7 +232,7 @@ class Population:
         """What the next portion of steps may need."""
         decision, visit = self.running.agent.decisions, self.running.world.visits
         rows = torch.arange(ROWS).unsqueeze(-1)
-        noise = torch.zeros(1, self.n, self.n, self.batch, dtype=self.dtype)
+        noise = torch.zeros(ROWS, self.n, self.n, self.batch, dtype=self.dtype)
         if self.now < self.config.explore:
             noise = torch.stack([self.noise(decision + row) for row in range(ROWS)])
         share = keyed_uniform(self.config.seed, self.ids.expand(ROWS, -1), visit + rows, 1, 2)
@@ -250,7 +254,9 @@ class Population:
         place = decisions.unsqueeze(-1) - starts.to(torch.int64)
         led = ((place >= 0) & (place < len(target))).any(-1)
         place = place.where((place >= 0) & (place < len(target)), 0).amax(-1)
-        forced = torch.nn.functional.one_hot(target[place], self.n).to(noise.dtype) * self.config.noise
+        forced = (
+            torch.nn.functional.one_hot(target[place], self.n).to(noise.dtype) * self.config.noise
+        )
         return torch.where(led, forced.T.unsqueeze(1), noise)
 
     # ------------------------------------------------------------------ one step
@@ -260,7 +266,9 @@ class Population:
         before = self.agent.behaviors.satisfaction.output(running.agent.behaviors.satisfaction)
         rows = (running.agent.decisions - chance.decision).clamp(0, chance.noise.shape[0] - 1)
         noise = chance.noise[rows, :, :, each]
-        intention, agent = self.agent.step(running.observation, running.reward, noise, running.agent)
+        intention, agent = self.agent.step(
+            running.observation, running.reward, noise, running.agent
+        )
         self.world.durations, self.world.first = chance.duration, chance.visit
         outcome, world = self.world.step(intention, running.world)
         after = self.agent.behaviors.satisfaction.output(agent.behaviors.satisfaction)
@@ -335,10 +343,10 @@ class Population:
         self._keep("find", log.find, finds)
         log.onsets.zero_()
         log.finds.zero_()
-        if self.now in (self.config.explore, self.config.steps):
-            weights = self.running.agent.learner.values.weights
-            name = "weights_explored" if self.now == self.config.explore else "weights_end"
-            self.events[name] = [weights.contiguous().numpy().copy()]
+        for name, moment in (("explored", self.config.explore), ("end", self.config.steps)):
+            if self.now == moment:
+                weights = self.running.agent.learner.values.weights
+                self.events[f"weights_{name}"] = [weights.contiguous().numpy().copy()]
 
     def _keep(self, name: str, rows: Tensor, counts: Tensor) -> None:
         used = torch.arange(ROWS).unsqueeze(-1) < counts  # (ROWS, batch)
@@ -351,8 +359,11 @@ class Population:
     # ------------------------------------------------------------------ files
 
     def results(self) -> dict[str, np.ndarray]:
-        """Events in order of steps; see `dntorch.experiments.measures.Runs`."""
+        """Events in order of agents and steps; see `dntorch.experiments.measures.Runs`."""
         joined = {name: np.concatenate(parts) for name, parts in self.events.items()}
+        for leader, names in (("onset", ("error", "weights", "onset")), ("find", ("find",))):
+            order = np.lexsort((joined[leader][:, 1], joined[leader][:, 0]))
+            joined |= {name: joined[name][order] for name in names if name in joined}
         return joined | {"trouble": self.running.trouble.numpy().copy()}
 
     def content(self) -> dict[str, Any]:

@@ -1,0 +1,162 @@
+"""Populations equal single runs; what `reproduce` writes, and how it goes on."""
+
+import numpy as np
+import pytest
+import torch
+
+from dntorch.envs.nodes import NodesWorld
+from dntorch.envs.task import SequenceTask
+from dntorch.experiments.config import Config, build_agent
+from dntorch.experiments.population import Group, Population
+from dntorch.experiments.trial import Trial
+from dntorch.experiments.variants import VARIANTS
+from dntorch.noise import Exploration
+
+SHORT = Config(world="nodes", steps=2000, explore=1400, seed=11)
+
+
+def events(group: Group, dtype: torch.dtype = torch.float32, portions: int = 1, **options) -> dict:
+    population = Population(group, dtype, **({"compiled": False} | options))
+    for _ in range(portions):
+        population.advance(group.config.steps // portions)
+    return population.results()
+
+
+def decisions(result: dict, agent: int) -> list[list[int]]:
+    """Step and colour of every completed behaviour."""
+    return result["onset"][result["onset"][:, 0] == agent][:, 1:].tolist()
+
+
+def alone(config: Config, agent: int, dtype: torch.dtype) -> list[list[int]]:
+    """The same from the library's own agent and world, without any batch."""
+    actor = build_agent(config).to(dtype)
+    world = NodesWorld(SequenceTask(), config.seed, agent)
+    noise = Exploration(4, config.seed, agent)
+    seen, state, world_state = [], actor.state, world.initial()
+    observation, reward = torch.zeros(4, dtype=dtype), torch.zeros((), dtype=dtype)
+    was = torch.zeros(4, dtype=torch.bool)
+    with torch.inference_mode():
+        for step in range(config.steps):
+            drawn = noise(state.decisions, dtype) * (step < config.explore)
+            action, state = actor.step(observation, reward, drawn, state)
+            outcome, world_state = world.step(action, world_state)
+            observation, reward = outcome.observation, outcome.reward.to(dtype)
+            on = actor.behaviors.output(state.behaviors)[1] > 0.5
+            if (on & ~was).any():
+                seen.append([step, int((on & ~was).int().argmax())])
+            was = on
+    return seen
+
+
+@pytest.fixture(scope="module")
+def thousand() -> dict:
+    """A batch of 1,000 in float32 and float64."""
+    group = Group(SHORT, tuple(range(1000)))
+    return {dtype: events(group, dtype) for dtype in (torch.float32, torch.float64)}
+
+
+def test_alone_and_in_a_batch_of_a_thousand_the_decisions_are_the_same(thousand: dict) -> None:
+    for agent in (3, 997):
+        wanted = alone(SHORT, agent, torch.float32)
+        assert len(wanted) > 8
+        assert wanted == alone(SHORT, agent, torch.float64)
+        for result in thousand.values():
+            assert decisions(result, agent) == wanted
+
+
+def test_float32_and_float64_decide_alike_in_all_of_a_thousand(thousand: dict) -> None:
+    single, double = thousand.values()
+    np.testing.assert_array_equal(single["onset"], double["onset"])
+    np.testing.assert_array_equal(single["find"], double["find"])
+
+
+def test_agent_zero_is_the_trial_of_this_seed(thousand: dict) -> None:
+    trial = Trial(SHORT)
+    trial.advance(SHORT.steps)
+    steps = np.flatnonzero(trial.record.reported >= 0)
+    wanted = np.stack((steps, trial.record.reported[steps]), 1).tolist()
+    assert decisions(thousand[torch.float32], 0) == wanted
+    end = thousand[torch.float32]["weights_end"][0]
+    np.testing.assert_allclose(end, trial.agent.weights, atol=1e-5)
+
+
+def test_a_split_into_batches_changes_nothing(thousand: dict) -> None:
+    part = events(Group(SHORT, (999, 5, 640)))
+    for agent in (5, 640, 999):
+        assert decisions(part, agent) == decisions(thousand[torch.float32], agent)
+
+
+def test_the_compiled_step_decides_like_the_plain_one(thousand: dict) -> None:
+    part = events(Group(SHORT, tuple(range(40))), compiled=True)
+    for agent in range(40):
+        assert decisions(part, agent) == decisions(thousand[torch.float32], agent)
+
+
+def test_portions_and_a_resume_give_the_same_numbers(tmp_path) -> None:
+    group = Group(SHORT, tuple(range(6)))
+    whole, first = events(group), Population(group, compiled=False)
+    first.advance(770)
+    first.save(tmp_path / "p.pt")
+    second = Population(group, compiled=False).load(tmp_path / "p.pt")
+    second.advance(5000)
+    for name, array in second.results().items():
+        np.testing.assert_array_equal(array, whole[name])
+    with pytest.raises(ValueError, match="another group"):
+        Population(Group(SHORT, (0, 1)), compiled=False).load(tmp_path / "p.pt")
+
+
+def test_parameters_may_differ_between_agents() -> None:
+    rates = (0.03, 0.06, 0.12)
+    config = Config(world="nodes", steps=1500, explore=1500, seed=2, sequence="GB", reward=0.5)
+    many = {"learner.values.learning_rate": rates, "learner.trace.tau": (1.0, 2.0, 1.0)}
+    together = events(Group(config, (0, 0, 0), parameters=many))
+    for k, (rate, tau) in enumerate(zip(rates, (1.0, 2.0, 1.0))):
+        one = Config(
+            world="nodes", steps=1500, explore=1500, seed=2, sequence="GB", reward=0.5,
+            learning_rate=rate, trace_tau=tau,
+        )  # fmt: skip
+        single = events(Group(one, (0,)))["weights_end"][0]
+        assert abs(single).max() > 0
+        np.testing.assert_allclose(together["weights_end"][k], single, atol=1e-6)
+
+
+def test_exploration_can_be_led_through_the_sequence() -> None:
+    config = Config(world="nodes", steps=3500, explore=3500, seed=4)
+    unled, led = (events(Group(config, tuple(range(12)), shown=k))["find"][:, 3] for k in (0, 1))
+    assert unled.sum() < 4 and led.sum() >= 9
+
+
+def test_several_sequences_are_rewarded() -> None:
+    config = Config(world="nodes", steps=1500, explore=1500, seed=4, sequence="RG")
+    one = events(Group(config, tuple(range(20))))["find"][:, 3].sum()
+    two = events(Group(config, tuple(range(20)), tasks=("BY", "YB")))["find"][:, 3].sum()
+    assert two > 2 * one > 0
+    with pytest.raises(ValueError, match="as long as"):
+        Population(Group(config, (0,), tasks=("RGB",)), compiled=False)
+
+
+def test_learning_can_end_with_exploration() -> None:
+    config = Config(world="nodes", steps=3000, explore=1500, seed=2, sequence="GB")
+    result = events(Group(config, (0, 1), learns_in_exploitation=False))
+    np.testing.assert_array_equal(result["weights_explored"], result["weights_end"])
+    assert abs(result["weights_end"]).max() > 0
+
+
+BRIEF = Config(world="nodes", steps=600, explore=600, seed=2, sequence="GB")
+
+
+@pytest.fixture(scope="module")
+def plain() -> dict:
+    return events(Group(BRIEF, (0, 1, 2, 3)))
+
+
+@pytest.mark.parametrize("variant", sorted(set(VARIANTS) - {""}))
+def test_every_variant_runs_and_differs(variant: str, plain: dict) -> None:
+    changed = events(Group(BRIEF, (0, 1, 2, 3), variant))
+    same = {k: np.array_equal(plain[k], changed[k], equal_nan=True) for k in plain}
+    assert not (same["weights_end"] and same["onset"])
+
+
+def test_unknown_variant() -> None:
+    with pytest.raises(ValueError, match="variant='x' is unknown: choose from"):
+        Population(Group(SHORT, (0,), "x"), compiled=False)
