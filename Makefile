@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 OUT ?= runs/learn
 BIN = .venv/bin
 
-.PHONY: setup learn test lint
+.PHONY: setup learn cpp test lint
 
 setup: .venv/installed
 
@@ -16,6 +16,15 @@ setup: .venv/installed
 learn: setup
 	@if [ -f $(OUT)/checkpoint.pt ]; then $(BIN)/dntorch learn --resume $(OUT); \
 	else $(BIN)/dntorch learn --out $(OUT); fi
+
+# Builds the C++ runner and lets it replay and drive an export; makes one of OUT if need be.
+EXPORT ?= runs/export
+cpp: setup
+	@test -f $(EXPORT)/manifest.json || $(BIN)/dntorch export $(OUT) --to $(EXPORT)
+	cmake -S examples/cpp -B build/cpp \
+		-DCMAKE_PREFIX_PATH="$$($(BIN)/python -c 'import torch; print(torch.utils.cmake_prefix_path)')"
+	cmake --build build/cpp
+	build/cpp/run_agent $(EXPORT)
 
 test: setup
 	$(BIN)/ruff check .

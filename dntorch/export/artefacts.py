@@ -112,7 +112,7 @@ def describe(boundary: Boundary, name: str) -> dict[str, Any]:
             for port in boundary.state
         ],
         "decisions": {},
-        "tolerance": {"step": 1e-6, "aotinductor": 1e-5, "free": 1e-4},
+        "tolerance": {"step": 1e-6, "aotinductor": 1e-5, "executorch": 1e-5, "free": 1e-4},
     }
 
 

@@ -58,7 +58,8 @@ def record(
     """
     golden, outcome = Golden(), None
     state = boundary.flatten(boundary.structure.state)
-    switches = dict(_switches(boundary))
+    kept = _switches(boundary)
+    switches = dict(kept)
     for step in range(steps):
         inputs, changed = feed(step, outcome)
         switches.update(changed)
@@ -77,18 +78,23 @@ def record(
         }
         outcome = _step(boundary, inputs, switches, wild)
         _pair(golden, boundary, -1, inputs, switches, outcome)
+    _set(boundary, kept)
     return golden
 
 
 def _step(boundary: Boundary, inputs, switches, state) -> Outcome:
-    for name, value in switches.items():
-        boundary.structure.get_buffer(name).copy_(value)
+    _set(boundary, switches)
     output, ahead = boundary.structure.step(*inputs, boundary.unflatten(state))
     return Outcome(pytree.tree_leaves(output), state, boundary.flatten(ahead))
 
 
 def _switches(boundary: Boundary) -> dict[str, Tensor]:
     return {p.name: boundary.structure.get_buffer(p.name).clone() for p in boundary.switches}
+
+
+def _set(boundary: Boundary, switches: Mapping[str, Tensor]) -> None:
+    for name, value in switches.items():
+        boundary.structure.get_buffer(name).copy_(value)
 
 
 def _pair(golden: Golden, boundary: Boundary, step: int, inputs, switches, outcome) -> None:

@@ -102,8 +102,16 @@ def write_executorch(
     _require("executorch", extra="executorch")
     from executorch.exir import to_edge
 
-    lowered = to_edge(exported).to_executorch()
-    path.write_bytes(lowered.buffer)
+    # PyTorch's own decomposition of lerp copies strides, for which ExecuTorch has no kernel.
+    plain = exported.run_decompositions({torch.ops.aten.lerp.Scalar: _lerp})
+    path.write_bytes(to_edge(plain).to_executorch().buffer)
+
+
+def _lerp(start: Tensor, end: Tensor, weight: float) -> Tensor:
+    """As `torch.lerp` computes it."""
+    if weight < 0.5:
+        return start + weight * (end - start)
+    return end - (end - start) * (1 - weight)
 
 
 def _require(*packages: str, extra: str) -> None:
