@@ -1,4 +1,4 @@
-"""The agent as a TorchRL policy: the same numbers as the plain loop, and nothing lost on the way."""
+"""The agent as a TorchRL policy: the numbers of the plain loop, and nothing lost on the way."""
 
 from pathlib import Path
 
@@ -205,7 +205,7 @@ def test_a_state_that_nobody_carries_is_refused() -> None:
 def test_a_stateful_policy_in_shared_memory_is_refused() -> None:
     env, policy = build(Config(world="nodes"))
     policy.share_memory()
-    with pytest.raises(RuntimeError, match="policy_factory=.*or build it with carried=True"):
+    with pytest.raises(RuntimeError, match=r"policy_factory=.*or build it with carried=True"):
         policy(env.reset())
 
 

@@ -10,7 +10,7 @@ from torchrl.data import Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase, GymWrapper, InitTracker, TransformedEnv
 from torchrl.envs.gym_like import default_info_dict_reader
 
-from dntorch.envs.nodes import NodesState, NodesWorld
+from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import SequenceTask
 from dntorch.experiments.config import Config
 from dntorch.rl.transforms import AgentPrimer, LastReward, Resumable
