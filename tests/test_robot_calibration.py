@@ -79,6 +79,20 @@ def test_hue_of_a_block_in_the_middle(color, hue):
         cal.measure_hue([block(color, at=6, wide=8)])
 
 
+def test_a_look_around_calibrates_colours():
+    cast = Camera((1.3, 1.0, 0.7), noise=4.0)
+    paints = {"R": (200, 30, 20), "Y": (210, 190, 20), "G": (20, 140, 50), "B": (20, 60, 180)}
+    around = [cast.see(block(paint), k) for k, paint in enumerate(paints.values())]
+    made = cal.calibrate(around, "RYGB", rotate=180)
+    assert made.rotate == 180 and made.gains[2] == 1.0
+    seen = [made.correct(image) for image in around]
+    single = {letter: cal.measure_hue([image]) for letter, image in zip(paints, seen)}
+    for letter, angle in single.items():
+        assert abs((made.hues[letter] - angle + 180) % 360 - 180) < 3
+    with pytest.raises(ValueError, match="'M' is not to be seen"):
+        cal.measure_hues(seen, "RYGBM")
+
+
 # ---------------------------------------------------------------- by turning the robot
 
 

@@ -117,6 +117,20 @@ def test_images_are_corrected():
     assert image[36, 2].tolist() == [0, 100, 0] and image[20, 26].tolist() == [0, 0, 255]
 
 
+def test_a_narrow_camera_shows_things_as_large_as_the_agents_own_would():
+    wide, narrow = Body(width=160, height=120), Body(width=160, height=120, fov=0.44)
+    images = []
+    for body in (wide, narrow):
+        world = EPuckEnv(pivot="kinematic", body=body)
+        world.reset(seed=3)
+        env = env_on(Setup(pacing="request", world=world), calibration=Calibration(fov=body.fov))
+        images.append(env.reset()[0]["image"].astype(int))
+        world.close()
+    seen = slice(12, 28), slice(16, 36)  # well within the narrow view
+    assert np.abs(images[0][seen] - images[1][seen]).mean() < 6
+    assert (images[1][:, :12] == 0).all() and (images[1][:, -12:] == 0).all()
+
+
 # ---------------------------------------------------------------- faults
 
 

@@ -1,5 +1,6 @@
 """A robot as a Gymnasium environment, with the spaces of the simulated one."""
 
+import math
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -24,9 +25,11 @@ class HardwareEnv(gymnasium.Env):
     """Find colours with a robot that is really there, or emulated.
 
     Action and observation are those of ``EPuckEnv``: wheel speeds in rad/s; ``image``,
-    corrected and resampled, ``wheels`` and ``proximity``. One step takes ``dt`` seconds of
-    the clock. Nobody knows the truth here, so there is no ``bearing``; what counts as found
-    is what the agent reports, before the step, or a key press that is rewarded by itself.
+    ``wheels`` and ``proximity``. Images are corrected and shown as the camera of ``body``
+    would see them, so that a block is as wide as the agent expects; what lies beyond the
+    true camera's view is black. One step takes ``dt`` seconds of the clock. Nobody knows the
+    truth here, so there is no ``bearing``; what counts as found is what the agent reports,
+    before the step, or a key press that is rewarded by itself.
 
     ============ ======== ===============================================================
     info         dtype    meaning
@@ -50,8 +53,8 @@ class HardwareEnv(gymnasium.Env):
         clock: real time unless you say otherwise; the robot's.
         sequence, colors, reward, reward_duration: of the task.
         dt: s, one step.
-        body: size of the image that the agent sees, and the speed cap of the action space.
-        calibration: what to correct in images.
+        body: what the agent was made for: size and field of view of the image, speed cap.
+        calibration: what the robot's camera is like.
         limits: of the guard; the speed cap of ``body`` unless you say otherwise.
         key: asked once a step; true is rewarded like a completed sequence.
         patience: s to wait for the first frame.
@@ -159,10 +162,15 @@ class HardwareEnv(gymnasium.Env):
         frame, before = self.guard.frame, self._frame
         if frame is None or (before is not None and frame.number == before.number):
             return False
-        self._frame = frame
-        corrected = self.calibration.correct(frame.image)
-        self._image = resample(corrected, self.body.width, self.body.height)
+        self._frame, self._image = frame, self._as_agent_sees(frame.image)
         return True
+
+    def _as_agent_sees(self, image: np.ndarray) -> np.ndarray:
+        body, image = self.body, self.calibration.correct(image)
+        tall, wide = image.shape[:2]
+        across = math.tan(self.calibration.fov / 2) / math.tan(body.fov / 2)
+        down = across * (tall / wide) / (body.height / body.width)
+        return resample(image, body.width, body.height, (across, down))
 
     def _sleep(self) -> float:
         """Wait for the end of the step; how late it is."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dntorch.colors import HUES
 from dntorch.robot.body import EPUCK, check_positive
 from dntorch.robot.images import hue
 
@@ -110,6 +111,42 @@ def measure_hue(images: Sequence[np.ndarray]) -> float:
         raise ValueError("nothing coloured in the middle of the image: put one block before it")
     mean = np.exp(1j * np.radians(angle[colored])).mean()
     return float(np.degrees(np.angle(mean)) % 360)
+
+
+def measure_hues(images: Sequence[np.ndarray], colors: str) -> dict[str, float]:
+    """Hue in degrees of each colour among things that all have one of ``colors``.
+
+    Every coloured pixel counts for the letter whose hue is nearest.
+
+    Raises:
+        ValueError: a colour is not to be seen.
+    """
+    angle, saturation, value = hue(np.stack(images))
+    angle = angle[(saturation >= 90 / 255) & (value >= 40)]
+    nominal = np.array([HUES[letter] for letter in colors])
+    away = (angle[:, None] - nominal + 180) % 360 - 180
+    nearest = np.abs(away).argmin(1)
+    hues = {}
+    for k, letter in enumerate(colors):
+        mine = away[nearest == k, k]
+        if len(mine) < 1e-4 * saturation.size:
+            raise ValueError(f"{letter!r} is not to be seen in {len(images)} images: show it")
+        hues[letter] = float((nominal[k] + np.median(mine)) % 360)
+    return hues
+
+
+def calibrate(images: Sequence[np.ndarray], colors: str, **known) -> Calibration:
+    """White balance and hues from images all around the robot.
+
+    Args:
+        images: as they came, RGB.
+        colors: letters of all the colours around.
+        known: what else is known of the robot, as the arguments of `Calibration`.
+    """
+    gains = gray_world(images)
+    made = Calibration(gains=gains, **known)
+    hues = measure_hues([made.correct(image) for image in images], colors)
+    return Calibration(gains=gains, hues=hues, **known)
 
 
 def measure_view(
