@@ -1,13 +1,16 @@
 r"""Value nodes: read the learned values of the current state, normalised over actions.
 
 .. math:: \tau \dot d_i = -d_i + \frac{x_i}{\sum_k x_k}, \qquad
-          x_i = \Big[\sum_{j \neq i} (W_{ij} + \xi_{ij}) f(d_j^{cos})\Big]_+ + b_i
+          x_i = \Big[\sum_{j \neq i} (W_{ij} + \xi_{ij}) s_j\Big]_+ + b_i (1 - s_i), \qquad
+          s_j = f_H(f_S(d_j^{cos}) - 1/2)
 """
 
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
+
+from dntorch.cells.functions import heaviside
 
 
 class ValueState(NamedTuple):
@@ -18,10 +21,12 @@ class ValueState(NamedTuple):
 def normalized_values(satisfaction: Tensor, weights: Tensor, baseline: Tensor) -> Tensor:
     """Share of each action in the values of the current state, ``(*batch, n)``, sum one.
 
-    ``weights`` is ``[action, state]``; ``satisfaction`` the output of the CoS nodes.
+    ``weights`` is ``[action, state]``; ``satisfaction`` the output of the CoS nodes. Nodes
+    count from 1/2 on: the tails of those at rest would add up to a state that is none.
     """
-    total = torch.matmul(weights, satisfaction.unsqueeze(-1)).squeeze(-1)
-    total = total.clamp_min(0.0) + baseline
+    state = heaviside(satisfaction, 0.5)
+    learned = torch.matmul(weights, state.unsqueeze(-1)).squeeze(-1).clamp_min(0.0)
+    total = (learned + baseline * (1 - state)).clamp_min(1e-9)  # a sum of 0 has no shares
     return total / total.sum(-1, keepdim=True)
 
 

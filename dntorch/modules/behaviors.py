@@ -57,8 +57,8 @@ class ElementaryBehaviors(Dynamics):
     * :math:`c_-^{int} = 10`, 30: two intentions that start together stay on together.
     * no inhibition among CoS nodes, 8, and :math:`c_+^{cos}` = 8 (not given): the state must
       persist while the next behaviour runs, or the temporal difference has no old pair.
-    * :math:`c_{val} = 5n` (20 as printed for n = 4), and :math:`c_{cos}, c_-^{int}` in proportion,
-      since values are shares: an even share among many must still reach the threshold.
+    * :math:`c_{val} = 5n` (20 as printed for n = 4), and :math:`c_{cos}` in proportion, since
+      values are shares: an even share among many must still reach the threshold.
     """
 
     def __init__(
@@ -79,7 +79,9 @@ class ElementaryBehaviors(Dynamics):
         self.value_gain = 5.0 * n if value_gain is None else value_gain
         self.completion_gain = 2 * self.value_gain if completion_gain is None else completion_gain
         self.intention_gain, self.match_gain = intention_gain, match_gain
-        self.intention = intention or NodeWTA(n, inhibition=1.5 * self.value_gain, dt=dt)
+        # More than keeps two from sharing all value makes near ties oscillate, not decide.
+        inhibition = max(30.0, self.value_gain / 2 + 10)
+        self.intention = intention or NodeWTA(n, inhibition=inhibition, dt=dt)
         self.satisfaction = satisfaction or NodeWTA(n, excitation=8.0, inhibition=8.0, dt=dt)
 
     @property

@@ -11,13 +11,14 @@ class ValueNodes(Dynamics):
     r"""Nodes that read the values of the current state, normalised to a sum of one.
 
     .. math:: \tau \dot d_i = -d_i + \frac{x_i}{\sum_k x_k}, \qquad
-              x_i = \Big[\sum_{j \neq i} W_{ij} f(d_j^{cos})\Big]_+ + b_i
+              x_i = \Big[\sum_{j \neq i} W_{ij} s_j\Big]_+ + b_i (1 - s_i)
 
     ===================  ================  ====  =============================================
     symbol               here              unit  meaning
     ===================  ================  ====  =============================================
     :math:`d`            ``value``         1     activation of the value nodes
-    :math:`f(d^{cos})`   ``satisfaction``  1     output of the CoS nodes: the state
+    :math:`s`            ``satisfaction``  1     the state: 1 for CoS nodes with an output
+                                                 above 1/2, else 0
     :math:`W`            ``weights``       1     values ``[action, state]``, noise included
     :math:`\tau`         ``tau``           s     time constant
     :math:`b`            ``baseline``      1     innate preference, small: decides where
@@ -37,15 +38,17 @@ class ValueNodes(Dynamics):
     text normalises afterwards, here the input is normalised and the nodes relax to it.
     Printed for positive W only: with all W zero the normalisation is 0/0 and W may become
     negative, so the sum is rectified and ``baseline`` keeps it positive. The preference
-    grows slightly with i, since equal nodes never decide without noise. The diagonal of W is
-    ignored: a finished behaviour may not win again at once.
+    grows slightly with i, since equal nodes never decide without noise. The finished
+    behaviour has no share, neither by the diagonal of W nor by preference: it may not win
+    again, and what it took could leave the others below threshold for ever. The output
+    :math:`f` is not given: with :math:`f_S` the tails of resting nodes add up to a state.
 
     >>> nodes = ValueNodes(3)
     >>> weights = torch.tensor([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.2, 0.0, 0.0]])
     >>> for _ in range(32):
     ...     value = nodes(torch.tensor([1.0, 0.0, 0.0]), weights)  # in state 0
-    >>> value
-    tensor([0.0012, 0.7479, 0.2508])
+    >>> [round(share, 3) for share in value.tolist()]
+    [0.0, 0.749, 0.251]
     """
 
     value: Tensor
