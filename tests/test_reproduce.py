@@ -1,5 +1,7 @@
 """Populations equal single runs; what `reproduce` writes, and how it goes on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -106,43 +108,41 @@ def test_portions_and_a_resume_give_the_same_numbers(tmp_path) -> None:
 
 
 def test_parameters_may_differ_between_agents() -> None:
-    rates = (0.03, 0.06, 0.12)
-    config = Config(world="nodes", steps=1500, explore=1500, seed=2, sequence="GB", reward=0.5)
-    many = {"learner.values.learning_rate": rates, "learner.trace.tau": (1.0, 2.0, 1.0)}
-    together = events(Group(config, (0, 0, 0), parameters=many))
-    for k, (rate, tau) in enumerate(zip(rates, (1.0, 2.0, 1.0))):
-        one = Config(
-            world="nodes", steps=1500, explore=1500, seed=2, sequence="GB", reward=0.5,
-            learning_rate=rate, trace_tau=tau,
-        )  # fmt: skip
-        single = events(Group(one, (0,)))["weights_end"][0]
-        assert abs(single).max() > 0
-        np.testing.assert_allclose(together["weights_end"][k], single, atol=1e-6)
+    rates, taus = (0.03, 0.12), (1.0, 2.0)
+    config = Config(world="nodes", steps=1300, explore=1300, seed=2, sequence="GB")
+    many = {"learner.values.learning_rate": rates, "learner.trace.tau": taus}
+    together = events(Group(config, (0, 0), parameters=many, shown=3, rows=(0, 1)))
+    for k, (rate, tau) in enumerate(zip(rates, taus)):
+        one = replace(config, learning_rate=rate, trace_tau=tau)
+        single = events(Group(one, (0,), shown=3))
+        assert abs(single["weights_end"]).max() > 0
+        np.testing.assert_allclose(together["weights_end"][k], single["weights_end"][0], atol=1e-6)
+        assert decisions(together, k) == decisions(single, 0)
 
 
 def test_exploration_can_be_led_through_the_sequence() -> None:
-    config = Config(world="nodes", steps=3500, explore=3500, seed=4)
+    config = Config(world="nodes", steps=2000, explore=2000, seed=4)
     unled, led = (events(Group(config, tuple(range(12)), shown=k))["find"][:, 3] for k in (0, 1))
-    assert unled.sum() < 4 and led.sum() >= 9
+    assert unled.sum() < 3 < led.sum()
 
 
 def test_several_sequences_are_rewarded() -> None:
-    config = Config(world="nodes", steps=1500, explore=1500, seed=4, sequence="RG")
+    config = Config(world="nodes", steps=800, explore=800, seed=4, sequence="RG")
     one = events(Group(config, tuple(range(20))))["find"][:, 3].sum()
     two = events(Group(config, tuple(range(20)), tasks=("BY", "YB")))["find"][:, 3].sum()
-    assert two > 2 * one > 0
+    assert two > one > 0
     with pytest.raises(ValueError, match="as long as"):
         Population(Group(config, (0,), tasks=("RGB",)), compiled=False)
 
 
 def test_learning_can_end_with_exploration() -> None:
-    config = Config(world="nodes", steps=3000, explore=1500, seed=2, sequence="GB")
-    result = events(Group(config, (0, 1), learns_in_exploitation=False))
+    config = Config(world="nodes", steps=1600, explore=1300, seed=2, sequence="GB")
+    result = events(Group(config, (0,), shown=3, learns_in_exploitation=False))
     np.testing.assert_array_equal(result["weights_explored"], result["weights_end"])
     assert abs(result["weights_end"]).max() > 0
 
 
-BRIEF = Config(world="nodes", steps=600, explore=600, seed=2, sequence="GB")
+BRIEF = Config(world="nodes", steps=400, explore=400, seed=2, sequence="GB")
 
 
 @pytest.fixture(scope="module")

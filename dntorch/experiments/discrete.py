@@ -61,7 +61,7 @@ class Learner:
 
     def learn(self, reward: np.ndarray, old: tuple, new: tuple, where: np.ndarray) -> np.ndarray:
         """Update by the transition from pair ``old`` to pair ``new``; returns delta."""
-        q, following = self.values[self.each, *old], self.values[self.each, *new]
+        q, following = self.values[(self.each, *old)], self.values[(self.each, *new)]
         delta = np.where(where, reward + self.learning.discount * following - q, 0)
         self.values += self.learning.rate * delta[:, None, None] * self.trace
         return delta
@@ -104,17 +104,18 @@ def explore_or_exploit(
     random = np.random.default_rng(seed)
     if chances is None:
         chances = np.broadcast_to(1 - np.eye(n), (n, n, n))
+    empty = chances.sum(-1, keepdims=True) == 0
+    chances = np.where(empty, 1 - np.eye(n), chances)
     edges = np.cumsum(chances / np.maximum(chances.sum(-1, keepdims=True), 1e-12), -1)
     preference = np.arange(n) / n
     learner = Learner(runs, n, learning)
     record = _empty(runs, int(total.max()), n)
     first = random.integers(n, size=runs)
-    last = [np.full(runs, -1), np.full(runs, -1), first]
+    state, action = np.full(runs, -1), first
     recent = np.full((runs, len(target)), -1)
     each = learner.each
     for t in range(int(total.max())):
         going = t < total
-        before, state, action = last
         recent = np.where(going[:, None], np.c_[recent[:, 1:], action], recent)
         reward = (recent == target).all(1) & going
         two_back = np.where(state < 0, action, state)
@@ -129,7 +130,7 @@ def explore_or_exploit(
             record.error[:, t] = abs(delta)
         learner.visit(action, following, going)
         _write(record, t, action, reward, going, learner, target, preference, explore)
-        last = [state, action, following]
+        state, action = action, following
     return record._replace(values=learner.values)
 
 

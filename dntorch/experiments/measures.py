@@ -31,7 +31,7 @@ class Runs(NamedTuple):
     disagreements: np.ndarray
     """onsets that the world did not judge as found, and finds without onset, ``(runs,)``"""
     trouble: np.ndarray
-    """steps with two intentions on, steps without a state, ``(2, runs)``"""
+    """steps with two intentions on, steps without a state after the first, ``(2, runs)``"""
 
 
 class Outcome(NamedTuple):
@@ -70,7 +70,9 @@ def runs_from_events(events: dict[str, np.ndarray], count: int) -> Runs:
     for run in range(count):
         mine = find[find[:, 0] == run]
         rewarded[run], disagreements[run] = match(steps[run], behaviors[run], mine[:, 1:])
-    return Runs(steps, behaviors, rewarded, error, weights, disagreements, events["trouble"])
+    trouble = events["trouble"].copy()
+    trouble[1] -= np.where(steps[:, 0] >= 0, steps[:, 0], trouble[1]).astype(trouble.dtype)
+    return Runs(steps, behaviors, rewarded, error, weights, disagreements, trouble)
 
 
 def match(

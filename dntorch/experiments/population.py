@@ -52,6 +52,8 @@ class Group:
     """how often exploration is led through the sequence, at random times"""
     keep_weights: bool = True
     """remember the weights at every onset"""
+    rows: tuple[int, ...] = ()
+    """what to call each agent in the events, by default its number"""
 
 
 class Chance(NamedTuple):
@@ -162,7 +164,7 @@ class Population:
     Args:
         group: who runs.
         dtype: of the neural dynamics.
-        compiled: fuse the step with torch.compile; False needs no compiler and is slower.
+        compiled: fuse the step with torch.compile; False needs no C++ compiler and is slower.
     """
 
     def __init__(
@@ -170,6 +172,7 @@ class Population:
     ) -> None:
         self.group, self.config, self.dtype = group, group.config, dtype
         self.ids = torch.tensor(group.agents)
+        self.rows = torch.tensor(group.rows or group.agents, dtype=torch.int32)
         self.n, self.batch = len(self.config.colors), len(group.agents)
         config = self.config
         self.agent = build_variant(config, group.variant).to(dtype)
@@ -183,9 +186,9 @@ class Population:
         self.running = self.initial()
         self.now = 0
         self.events: dict[str, list[np.ndarray]] = {}
-        self.step = (
-            torch.compile(self._step, fullgraph=True, dynamic=False) if compiled else self._step
-        )
+        self.step = self._step
+        if compiled:
+            self.step = torch.compile(self._step, fullgraph=True, dynamic=False)
 
     def _individualize(self) -> None:
         """Give parameters that differ between agents the shapes in which they broadcast."""
@@ -199,8 +202,8 @@ class Population:
                 self.exploration.amplitude = value.double().unsqueeze(-1)
             else:
                 part, _, name = path.rpartition(".")
-                scalar = path in ("learner.values.learning_rate", "learner.opposition.tau_error")
-                shape = (-1,) if scalar else (-1, 1) if "behaviors" in path else (-1, 1, 1)
+                single = path in ("learner.values.learning_rate", "learner.opposition.tau_error")
+                shape = (-1,) if single else (-1, 1) if "behaviors" in path else (-1, 1, 1)
                 setattr(self.agent.get_submodule(part), name, value.view(shape))
 
     def initial(self) -> Running:
@@ -254,10 +257,8 @@ class Population:
         place = decisions.unsqueeze(-1) - starts.to(torch.int64)
         led = ((place >= 0) & (place < len(target))).any(-1)
         place = place.where((place >= 0) & (place < len(target)), 0).amax(-1)
-        forced = (
-            torch.nn.functional.one_hot(target[place], self.n).to(noise.dtype) * self.config.noise
-        )
-        return torch.where(led, forced.T.unsqueeze(1), noise)
+        forced = torch.nn.functional.one_hot(target[place], self.n).to(noise.dtype)
+        return torch.where(led, self.config.noise * forced.T.unsqueeze(1), noise)
 
     # ------------------------------------------------------------------ one step
 
@@ -353,7 +354,7 @@ class Population:
         row, agent = used.nonzero(as_tuple=True)
         kept = rows.movedim(-1, 1)[row, agent]
         if name in ("onset", "find"):
-            kept = torch.cat((self.ids[agent].to(kept.dtype).unsqueeze(-1), kept), -1)
+            kept = torch.cat((self.rows[agent].unsqueeze(-1), kept), -1)
         self.events.setdefault(name, []).append(kept.numpy().copy())
 
     # ------------------------------------------------------------------ files
@@ -368,7 +369,7 @@ class Population:
 
     def content(self) -> dict[str, Any]:
         """What a checkpoint holds."""
-        flat, _ = torch.utils._pytree.tree_flatten(self.running)
+        flat = torch.utils._pytree.tree_leaves(self.running)
         events = {name: np.concatenate(parts) for name, parts in self.events.items()}
         return {
             "config": asdict(self.config),
@@ -384,7 +385,7 @@ class Population:
     def load(self, path: Path) -> "Population":
         """Go on from a checkpoint of the same group."""
         content = checkpoint.load(path)
-        flat, spec = torch.utils._pytree.tree_flatten(self.running)
+        flat = torch.utils._pytree.tree_leaves(self.running)
         saved = content["running"]
         if content["config"] != asdict(self.config) or [t.shape for t in flat] != [
             t.shape for t in saved

@@ -1,0 +1,109 @@
+"""``dntorch reproduce``: the paper's claims over many runs."""
+
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import click
+from tqdm import tqdm
+
+from dntorch.experiments import checkpoint
+from dntorch.experiments.config import WORLDS, Config
+from dntorch.experiments.reproduce import Study, reproduce, steps_to_take
+
+OPTIONS = "options.pt"
+"""What a folder was begun with."""
+
+
+@click.command("reproduce")
+@click.option(
+    "--world", type=click.Choice(WORLDS), default="nodes", show_default=True,
+    help="Abstract behaviours, or PyBullet with a camera.",
+)  # fmt: skip
+@click.option("--runs", type=click.IntRange(1), default=1000, show_default=True)
+@click.option(
+    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+    help="nodes: of all runs; epuck: of the first, the next take the next numbers.",
+)  # fmt: skip
+@click.option(
+    "--explore", type=int, default=Config.explore, show_default=True,
+    help="Control steps of exploration (32 a second).",
+)  # fmt: skip
+@click.option(
+    "--steps", type=int, default=Config.steps, show_default=True, help="Control steps in all."
+)
+@click.option("--processes", type=click.IntRange(1), default=2, show_default=True)
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False),
+    help="New folder for the runs.  [default: runs/reproduce-WORLD-seedSEED]",
+)  # fmt: skip
+@click.option(
+    "--resume", type=click.Path(path_type=Path, file_okay=False),
+    help="Folder to go on with; it keeps the options it began with.",
+)  # fmt: skip
+@click.pass_context
+def command(context, world, runs, seed, explore, steps, processes, out, resume) -> None:
+    """Test the paper's claims with many runs.
+
+    The folder gets results.json, figures and report.html, which puts each sentence of the
+    paper beside our number, its interval and a verdict.
+    """
+    if resume:
+        _refuse_options(context)
+        folder, saved = resume, checkpoint.load(resume / OPTIONS)
+        runs, processes = saved.pop("runs"), saved.pop("processes")
+        config = Config(**saved)
+    else:
+        config = replace(Config(), world=world, seed=seed, explore=explore, steps=steps)
+        folder = out or Path("runs") / f"reproduce-{world}-seed{seed}"
+        _begin(folder, config, runs, processes)
+    study = _run(config, runs, folder, processes)
+    _report(study, folder, f"dntorch reproduce --world {config.world} --runs {runs} "
+                           f"--seed {config.seed}")  # fmt: skip
+
+
+def _run(config: Config, runs: int, folder: Path, processes: int) -> Study:
+    # A polite request to end (kill, a job scheduler) saves as Ctrl-C does.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with tqdm(total=steps_to_take(config, runs, processes), unit="step", unit_scale=True) as bar:
+        try:
+            return reproduce(config, runs, folder, processes, lambda done: bar.update(done - bar.n))
+        except KeyboardInterrupt:
+            bar.close()
+            click.echo(f"stopped; go on with: dntorch reproduce --resume {folder}", err=True)
+            raise
+
+
+def _report(study: Study, folder: Path, command: str) -> None:
+    from dntorch.experiments.claims import claims, write_page
+    from dntorch.experiments.reproduce_figures import draw
+
+    click.echo("drawing figures ...", err=True)
+    page = write_page(study, draw(study, folder), folder, command)
+    for claim in claims(study):
+        click.echo(f"{claim.verdict:16} {claim.form}: {claim.number}")
+    click.echo(f"report: {page}")
+
+
+def _begin(folder: Path, config: Config, runs: int, processes: int) -> None:
+    if (folder / OPTIONS).exists():
+        raise ValueError(
+            f"{folder} holds runs already: go on with --resume {folder} or name another --out"
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        content = vars(config) | {"runs": runs, "processes": processes}
+        checkpoint.save(folder / OPTIONS, content)
+    except OSError as error:
+        raise ValueError(
+            f"--out={folder} cannot be made ({error.strerror}): name another"
+        ) from error
+
+
+def _refuse_options(context: click.Context) -> None:
+    for name in context.params.keys() - {"resume"}:
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            raise ValueError(
+                f"--{name} cannot be given with --resume, which keeps the options the runs began "
+                f"with: leave --{name} out"
+            )

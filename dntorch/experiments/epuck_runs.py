@@ -1,0 +1,72 @@
+"""Runs of the camera world for `reproduce`: a trial a process, remembered as events."""
+
+from pathlib import Path
+
+import numpy as np
+
+from dntorch.experiments import batches, checkpoint
+from dntorch.experiments.config import Config
+from dntorch.experiments.measures import Runs, match
+from dntorch.experiments.trial import Trial
+
+SAVE_EVERY = 5_000
+
+
+def run_camera(index: int, config: Config, folder: Path) -> bool:
+    """One trial from its start, or from where it stopped, to its end; False if told to stop."""
+    done, begun = folder / f"camera-{config.seed}.npz", folder / f"camera-{config.seed}.pt"
+    shared = batches._shared
+    if not done.exists():
+        trial, weights = Trial(config) if not begun.exists() else Trial.load(begun), []
+        if begun.exists():
+            weights = list(checkpoint.load(begun)["onset_weights"])
+        while not trial.finished:
+            trial.advance(1)
+            if trial.record.reported[trial.step - 1] >= 0:
+                weights.append(trial.agent.weights.t().numpy().copy())
+            stop = shared.stop.is_set()
+            if trial.step % SAVE_EVERY == 0 or stop:
+                content = trial.content() | {"onset_weights": np.array(weights)}
+                checkpoint.save(begun, content)
+            if stop:
+                return False
+            shared.steps[index] = trial.step
+        events = _events(trial, np.array(weights))
+        trial.close()
+        checkpoint.write_atomically(done, lambda file: np.savez(file, **events))
+    shared.steps[index] = config.steps
+    return True
+
+
+def _events(trial: Trial, weights: np.ndarray) -> dict[str, np.ndarray]:
+    record, dt = trial.record, trial.config.dt
+    steps = np.flatnonzero(record.reported[: record.length] >= 0)
+    finds = np.flatnonzero(record.found[: record.length] >= 0)
+    v = record.error[: record.length].astype(np.float64)
+    sums = [np.diff(np.concatenate(([0], np.cumsum(x)[steps]))) * dt for x in (v, abs(v))]
+    together = (record.intention[: record.length] > 0.5).sum(1) > 1
+    return {
+        "steps": steps,
+        "behaviors": record.reported[steps].astype(np.int64),
+        "finds": np.stack((finds, record.found[finds], record.completed[finds]), 1),
+        "error": np.stack(sums, -1),
+        "weights": weights.reshape(len(steps), trial.agent.n, trial.agent.n),
+        "trouble": np.array([together.sum(), record.steps_without_state]),
+    }
+
+
+def camera_runs(configs: list[Config], folder: Path) -> Runs:
+    """Events of finished trials, a row a run."""
+    each = [dict(np.load(folder / f"camera-{config.seed}.npz")) for config in configs]
+    count, longest = len(each), max(len(e["steps"]) for e in each)
+    n = len(configs[0].colors)
+    steps, behaviors = np.full((2, count, longest), -1, np.int64)
+    rewarded, disagreements = np.zeros((count, longest), bool), np.zeros(count, np.int64)
+    error, weights = np.zeros((count, longest, 2)), np.zeros((count, longest, n, n), np.float32)
+    for run, e in enumerate(each):
+        m = len(e["steps"])
+        steps[run, :m], behaviors[run, :m] = e["steps"], e["behaviors"]
+        rewarded[run], disagreements[run] = match(steps[run], behaviors[run], e["finds"])
+        error[run, :m], weights[run, :m] = e["error"], e["weights"]
+    trouble = np.stack([e["trouble"] for e in each], -1)
+    return Runs(steps, behaviors, rewarded, error, weights, disagreements, trouble)
