@@ -9,7 +9,7 @@ import torch
 from tqdm import tqdm
 
 import dntorch as library
-from dntorch import commands_export
+from dntorch import commands_export, commands_reproduce
 from dntorch.experiments import learn as learning
 from dntorch.experiments.config import WORLDS, Config
 from dntorch.experiments.trial import Trial
@@ -30,6 +30,7 @@ def dntorch() -> None:
 
 dntorch.add_command(commands_export.export)
 dntorch.add_command(commands_export.verify)
+dntorch.add_command(commands_reproduce.reproduce)
 
 
 @dntorch.command()

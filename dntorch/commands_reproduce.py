@@ -3,19 +3,22 @@
 import signal
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from tqdm import tqdm
 
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import WORLDS, Config
-from dntorch.experiments.reproduce import Study, reproduce, steps_to_take
+
+if TYPE_CHECKING:
+    from dntorch.experiments.reproduce import Study
 
 OPTIONS = "options.pt"
 """What a folder was begun with."""
 
 
-@click.command("reproduce")
+@click.command()
 @click.option(
     "--world", type=click.Choice(WORLDS), default="nodes", show_default=True,
     help="Abstract behaviours, or PyBullet with a camera.",
@@ -42,7 +45,7 @@ OPTIONS = "options.pt"
     help="Folder to go on with; it keeps the options it began with.",
 )  # fmt: skip
 @click.pass_context
-def command(context, world, runs, seed, explore, steps, processes, out, resume) -> None:
+def reproduce(context, world, runs, seed, explore, steps, processes, out, resume) -> None:
     """Test the paper's claims with many runs.
 
     The folder gets results.json, figures and report.html, which puts each sentence of the
@@ -62,19 +65,24 @@ def command(context, world, runs, seed, explore, steps, processes, out, resume) 
                            f"--seed {config.seed}")  # fmt: skip
 
 
-def _run(config: Config, runs: int, folder: Path, processes: int) -> Study:
+def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
+    from dntorch.experiments import reproduce as reproducing  # scipy takes its time
+
     # A polite request to end (kill, a job scheduler) saves as Ctrl-C does.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    with tqdm(total=steps_to_take(config, runs, processes), unit="step", unit_scale=True) as bar:
+    total = reproducing.steps_to_take(config, runs, processes)
+    with tqdm(total=total, unit="step", unit_scale=True) as bar:
         try:
-            return reproduce(config, runs, folder, processes, lambda done: bar.update(done - bar.n))
+            return reproducing.reproduce(
+                config, runs, folder, processes, lambda done: bar.update(done - bar.n)
+            )
         except KeyboardInterrupt:
             bar.close()
             click.echo(f"stopped; go on with: dntorch reproduce --resume {folder}", err=True)
             raise
 
 
-def _report(study: Study, folder: Path, command: str) -> None:
+def _report(study: "Study", folder: Path, command: str) -> None:
     from dntorch.experiments.claims import claims, write_page
     from dntorch.experiments.reproduce_figures import draw
 

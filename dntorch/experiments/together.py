@@ -1,0 +1,140 @@
+"""Trials of the abstract world as one batch: each step is computed once for all of them."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils import _pytree as pytree
+
+from dntorch.envs.nodes import NodesWorld
+from dntorch.envs.task import NOTHING, SequenceTask
+from dntorch.experiments import checkpoint
+from dntorch.experiments.config import Config, build_agent
+from dntorch.experiments.trial import Trial
+from dntorch.noise import Exploration
+
+#: In what the runs of a batch may differ.
+INDIVIDUAL = ("seed", "learning_rate", "trace_tau", "reward", "reward_duration", "noise")
+
+
+class Together:
+    """Runs that differ in nothing but `INDIVIDUAL`, side by side.
+
+    Each makes the decisions that its `Trial` makes alone; values agree to rounding.
+
+    Raises:
+        ValueError: runs that are no batch.
+    """
+
+    def __init__(self, configs: tuple[Config, ...]) -> None:
+        first = configs[0]
+        for config in configs:
+            build_agent(config)  # raises for a value that makes no agent
+            common = {name: getattr(first, name) for name in INDIVIDUAL}
+            if replace(config, **common) != first or first.world != "nodes":
+                raise ValueError(f"{config} and {first} make no batch: run them one by one")
+        self.configs, self.config, size = configs, first, len(configs)
+        self.agent = build_agent(first).spread(size)
+        seeds = torch.tensor([config.seed for config in configs]).unsqueeze(-1)
+        none = torch.zeros(size, dtype=torch.int64)
+        task = SequenceTask(
+            first.sequence, first.colors, first.reward, first.reward_duration, first.dt
+        )
+        self.world = NodesWorld(task, seeds, none)
+        self.exploration = Exploration(self.agent.n, 0, none, first.noise)
+        self.exploration.seed = seeds
+        self._individualize()
+        self.steps = 0
+        self.state, self.place = self.agent.state, self.world.initial()
+        self.observation, self.reward = torch.zeros(size, self.agent.n), torch.zeros(size)
+        shape = (first.steps, size)
+        self.found = np.full(shape, NOTHING, np.int8)
+        self.completed = np.zeros(shape, np.bool_)
+        self.on = np.zeros((2, *shape, self.agent.n), np.bool_)
+
+    def _individualize(self) -> None:
+        """Give numbers that differ between runs the shapes in which they broadcast."""
+        learner, task = self.agent.learner, self.world.task
+        for name, part, attribute, shape in (
+            ("learning_rate", learner.values, "learning_rate", (-1,)),
+            ("trace_tau", learner.trace, "tau", (-1, 1, 1)),
+            ("reward", task, "reward", (-1,)),
+            ("noise", self.exploration, "amplitude", (-1, 1)),
+        ):
+            values = [getattr(config, name) for config in self.configs]
+            if len(set(values)) > 1:
+                dtype = torch.float64 if name == "noise" else torch.float32
+                setattr(part, attribute, torch.tensor(values, dtype=dtype).view(shape))
+        lengths = [round(config.reward_duration / config.dt) for config in self.configs]
+        task.steps = torch.tensor(lengths)
+
+    @torch.inference_mode()
+    def advance(self, steps: int) -> None:
+        none = torch.zeros_like(self.agent.weights)
+        state, behaviors = self.state, self.agent.behaviors
+        for t in range(self.steps, min(self.steps + steps, self.config.steps)):
+            exploring = t < self.config.explore
+            noise = self.exploration(state.decisions) if exploring else none
+            action, state = self.agent.step(self.observation, self.reward, noise, state)
+            step, self.place = self.world.step(action, self.place)
+            self.observation, self.reward = step.observation, step.reward
+            self.found[t], self.completed[t] = step.found.numpy(), step.completed.numpy()
+            for nodes, rate in zip(self.on, behaviors.output(state.behaviors)):
+                nodes[t] = rate.numpy() > 0.5
+            self.steps = t + 1
+        self.state = state
+
+    def train(self, path: Path, save_every: int = 5_000) -> tuple[list[Trial], float]:
+        """To the end, from the checkpoint at ``path`` if there is one; also gives seconds."""
+        if path.exists():
+            self.load(path)
+        began = time.monotonic()
+        while self.steps < self.config.steps:
+            self.advance(save_every - self.steps % save_every)
+            checkpoint.save(path, self.content())
+        return [self.member(k) for k in range(len(self.configs))], time.monotonic() - began
+
+    def content(self) -> dict:
+        """What a checkpoint holds."""
+        moving = (self.state, self.place, self.observation, self.reward)
+        cut = {"found": self.found, "completed": self.completed}
+        return {
+            "seeds": [config.seed for config in self.configs],
+            "moving": pytree.tree_leaves(moving),
+            "on": self.on[:, : self.steps],
+            **{name: array[: self.steps] for name, array in cut.items()},
+        }
+
+    def load(self, path: Path) -> None:
+        content = checkpoint.load(path)
+        moving = (self.state, self.place, self.observation, self.reward)
+        structure = pytree.tree_structure(moving)
+        moving = pytree.tree_unflatten(content["moving"], structure)
+        self.state, self.place, self.observation, self.reward = moving
+        self.steps = len(content["found"])
+        self.on[:, : self.steps] = content["on"]
+        self.found[: self.steps], self.completed[: self.steps] = (
+            content["found"],
+            content["completed"],
+        )
+
+    def member(self, k: int) -> Trial:
+        """One run, as if it had been alone. Its record says of nodes only if they were on."""
+
+        def own(value: Tensor) -> Tensor:
+            return value[k].clone()
+
+        trial = Trial(self.configs[k])
+        trial.agent.state = pytree.tree_map(own, self.state)
+        trial.world.state = pytree.tree_map(own, self.place)
+        trial.observation, trial.reward = own(self.observation), own(self.reward)
+        record, t = trial.record, self.steps
+        record.length = t
+        record.intention[:t], record.satisfaction[:t] = self.on[:, :t, k]
+        record.found[:t], record.completed[:t] = self.found[:t, k], self.completed[:t, k]
+        came_on = np.diff(self.on[1, :t, k], axis=0, prepend=False) & self.on[1, :t, k]
+        record.reported[:t] = np.where(came_on.any(1), came_on.argmax(1), NOTHING)
+        return trial
