@@ -249,16 +249,19 @@ class Population:
         return self.lead(drawn, decisions) if self.group.shown else drawn
 
     def lead(self, noise: Tensor, decisions: Tensor) -> Tensor:
-        """Noise that leads through the rewarded sequence ``shown`` times while exploring."""
-        target, expected = self.world.task.target, self.config.explore / 180
+        """Noise that leads through the rewarded sequences, ``shown`` times while exploring."""
+        targets = self.world.task.target.view(-1, len(self.config.sequence))
+        targets = targets[torch.arange(self.group.shown) % len(targets)]
         zero = torch.zeros_like(self.ids)
-        starts = keyed_uniform(self.config.seed, self.ids, zero, self.group.shown, 7)
-        starts = (0.1 + 0.75 * starts) * expected
-        place = decisions.unsqueeze(-1) - starts.to(torch.int64)
-        led = ((place >= 0) & (place < len(target))).any(-1)
-        place = place.where((place >= 0) & (place < len(target)), 0).amax(-1)
-        forced = torch.nn.functional.one_hot(target[place], self.n).to(noise.dtype)
-        return torch.where(led, self.config.noise * forced.T.unsqueeze(1), noise)
+        share = keyed_uniform(self.config.seed, self.ids, zero, self.group.shown, 7)
+        starts = ((0.1 + 0.75 * share) * self.config.explore / 180).to(torch.int64)
+        place = decisions.unsqueeze(-1) - starts  # (batch, shown): position in each showing
+        inside = (place >= 0) & (place < targets.shape[1])
+        which = inside.to(torch.int64).argmax(-1)
+        place = place.gather(-1, which.unsqueeze(-1))[:, 0].clamp(0, targets.shape[1] - 1)
+        forced = torch.nn.functional.one_hot(targets[which, place], self.n).to(noise.dtype)
+        forced = self.config.noise * forced.T.unsqueeze(1)
+        return torch.where(inside.any(-1), forced, noise)
 
     # ------------------------------------------------------------------ one step
 
