@@ -53,6 +53,9 @@ class Agent:
         content = path.read_bytes() if path.exists() else b""
         if hashlib.sha256(content).hexdigest() != entry["sha256"]:
             raise Unfit(f"{path} is damaged or not of {folder}/manifest.json: export again")
+        takes, gives = ([port["name"] for port in m[part]] for part in ("inputs", "outputs"))
+        if takes != ["observation", "reward", "noise"] or m["outputs"][0].get("shape") != [2]:
+            raise Unfit(f"{folder}/manifest.json is of {takes} to {gives}: not of a robot's agent")
         self.dt, self.max_speed = float(m["dt"]), float(m["max_speed"])
         self.ports = {port["name"]: port for port in m["inputs"]}
         self.shape = tuple(self.ports["observation"]["shape"])
@@ -165,7 +168,7 @@ def load(folder: Path, runtime: str) -> Agent:
 
 
 def read_manifest(folder: Path) -> dict:
-    needed = ("name", "dt", "max_speed", "inputs", "switches", "state", "files", "exploration")
+    needed = ("name", "dt", "max_speed", "inputs", "outputs", "switches", "state", "files")
     try:
         manifest = json.loads((folder / "manifest.json").read_text())
         missing = [key for key in needed if key not in manifest]

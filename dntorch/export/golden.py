@@ -30,13 +30,14 @@ class Outcome(NamedTuple):
 
 @dataclass
 class Golden:
-    """One continuous run, and single steps from recorded states ("pairs")."""
+    """The state at the start, one continuous run, single steps from given states ("pairs")."""
 
+    start: dict[str, list[np.ndarray]] = field(default_factory=dict)
     run: dict[str, list[np.ndarray]] = field(default_factory=dict)
     pairs: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        sections = {"run": self.run, "pairs": self.pairs}
+        sections = {"start": self.start, "run": self.run, "pairs": self.pairs}
         return {f"{s}/{k}": np.stack(v) for s, part in sections.items() for k, v in part.items()}
 
 
@@ -59,6 +60,7 @@ def record(
     golden, outcome = Golden(), None
     state = boundary.flatten(boundary.structure.state)
     kept = _switches(boundary)
+    _extend(golden.start, "", state)
     switches = dict(kept)
     for step in range(steps):
         inputs, changed = feed(step, outcome)

@@ -5,7 +5,11 @@ without an error and then stands still, and ExecuTorch forgets their initial val
 whoever runs a program holds its state, and can see, save and set it.
 """
 
+import contextlib
+import importlib.util
 import logging
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import torch
@@ -70,30 +74,28 @@ def all_finite(tensors: list[Tensor], like: Tensor) -> Tensor:
 
 def program(functional: Functional, *inputs: Tensor) -> torch.export.ExportedProgram:
     """The ``torch.export`` program of one step."""
-    with torch.no_grad():
+    with torch.no_grad(), _quiet():
         return torch.export.export(functional, functional.example(*inputs))
 
 
-def write_export(exported: torch.export.ExportedProgram, functional: Functional, path: Path):
+def write_export(
+    exported: torch.export.ExportedProgram, functional: Functional, path: Path
+) -> None:
     torch.export.save(exported, path)
 
 
 def write_onnx(exported: torch.export.ExportedProgram, functional: Functional, path: Path) -> None:
     _require("onnx", "onnxscript", extra="export")
     names = {"input_names": functional.takes, "output_names": functional.gives}
-    log = logging.getLogger("torch.onnx")
-    level = log.level
-    log.setLevel(logging.ERROR)  # it warns of torchvision, which nobody here needs
-    try:
+    with _quiet():
         torch.onnx.export(exported, **names, dynamo=True, verbose=False).save(path)
-    finally:
-        log.setLevel(level)
 
 
 def write_aotinductor(
     exported: torch.export.ExportedProgram, functional: Functional, path: Path
 ) -> None:
-    torch._inductor.aoti_compile_and_package(exported, package_path=str(path))
+    with _quiet():
+        torch._inductor.aoti_compile_and_package(exported, package_path=str(path))
 
 
 def write_executorch(
@@ -114,9 +116,21 @@ def _lerp(start: Tensor, end: Tensor, weight: float) -> Tensor:
     return end - (end - start) * (1 - weight)
 
 
-def _require(*packages: str, extra: str) -> None:
-    import importlib.util
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without what PyTorch says to its own developers: of torchvision, of deprecated parts."""
+    log = logging.getLogger("torch.onnx")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.setLevel(level)
 
+
+def _require(*packages: str, extra: str) -> None:
     missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
         remedy = f"'dntorch[{extra}]'" if extra == "export" else extra

@@ -14,22 +14,6 @@ from torch import Tensor, nn
 from dntorch.export.boundary import Boundary, Port
 
 
-class Shell(nn.Module):
-    """What the methods written below have to work with."""
-
-    dt: float
-
-    def __init__(self, structure: nn.Module) -> None:
-        super().__init__()
-        self.structure = structure
-        self.dt = structure.dt
-
-    @torch.jit.export
-    def reset(self) -> None:
-        """Put the activation back to rest. What was learned stays."""
-        self.structure.reset()
-
-
 def script(boundary: Boundary) -> torch.jit.ScriptModule:
     """A structure as a ``ScriptModule``.
 
@@ -48,10 +32,21 @@ def script(boundary: Boundary) -> torch.jit.ScriptModule:
     >>> nodes.get_state()
     {'u': tensor([-5., -5., -5.])}
     """
-    shell = torch.jit.script(Shell(copy.deepcopy(boundary.structure)))
+
+    class Shell(nn.Module):  # a class of its own each time: methods are defined once a class
+        def __init__(self, structure: nn.Module) -> None:
+            super().__init__()
+            self.structure = structure
+            self.dt = float(structure.dt)
+
+        @torch.jit.export
+        def reset(self) -> None:
+            self.structure.reset()
+
+    scripted = torch.jit.script(Shell(copy.deepcopy(boundary.structure)))
     for method in _methods(boundary):
-        shell.define(method)
-    return shell
+        scripted.define(method)
+    return scripted
 
 
 def check(kind: str, port: str, value: Tensor, shape: list[int], dtype: torch.dtype) -> None:

@@ -1,0 +1,520 @@
+"""An exported agent: the same numbers, in other processes, and no motion from bad input."""
+
+import hashlib
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import torch
+
+from dntorch.envs.epuck import EPuckEnv
+from dntorch.experiments.config import Config
+from dntorch.experiments.trial import Trial
+from dntorch.export import export_run, replay
+from dntorch.noise import Exploration
+
+RUNNER = Path(__file__).parents[1] / "examples" / "run_agent.py"
+WEIGHTS = "learner.values.weights"
+
+
+def load_runner():
+    spec = importlib.util.spec_from_file_location("run_agent", RUNNER)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+runner = load_runner()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory) -> Path:
+    """A run whose values encode the sequence G-B-Y-R-G."""
+    config = Config(steps=100, explore=0, seed=1)
+    trial = Trial(config)
+    for state, action in zip("GBYR", "BYRG"):
+        trial.agent.weights[config.colors.index(action), config.colors.index(state)] = 0.5
+    folder = tmp_path_factory.mktemp("run")
+    trial.save(folder / "checkpoint.pt")
+    trial.close()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def exported(trained, tmp_path_factory) -> Path:
+    return export_run(trained, tmp_path_factory.mktemp("export"))
+
+
+@pytest.fixture(scope="module")
+def manifest(exported) -> dict:
+    return json.loads((exported / "manifest.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def golden(exported) -> dict[str, np.ndarray]:
+    with np.load(exported / "golden.npz") as file:
+        return dict(file)
+
+
+def part_of(exported: Path, folder: Path, *artefacts: str) -> Path:
+    """A copy of an export with these artefacts only."""
+    for name in ("manifest.json", "golden.npz", *artefacts):
+        shutil.copy(exported / name, folder / name)
+    edit(folder, lambda m: m.update(files={k: m["files"][k] for k in artefacts}))
+    return folder
+
+
+def edit(folder: Path, change) -> None:
+    content = json.loads((folder / "manifest.json").read_text())
+    change(content)
+    (folder / "manifest.json").write_text(json.dumps(content))
+
+
+def sign(folder: Path) -> None:
+    """Make checksums those of the files, so that only the numbers can tell."""
+
+    def update(content: dict) -> None:
+        for name, entry in content["files"].items():
+            entry["sha256"] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+
+    edit(folder, update)
+
+
+# ---------------------------------------------------------------- the record and the manifest
+
+
+def test_the_record_holds_onsets_transitions_rewards_and_both_switches(golden) -> None:
+    decisions = golden["run/next.decisions"]
+    assert len(decisions) >= 800
+    assert decisions[-1] >= 4  # onsets of CoS, with transitions between them
+    assert (golden["run/reward"] > 0).any()
+    snapshots = set(golden["pairs/step"].tolist())
+    assert snapshots >= set(range(0, len(decisions), 50)) and -1 in snapshots
+    assert golden["run/noise"].any((1, 2)).any() and not golden["run/noise"].any((1, 2)).all()
+    weights = golden["run/next." + WEIGHTS]
+    learning = golden["run/learner.values.learning"] > 0
+    assert np.abs(weights[learning][-1] - weights[0]).max() > 1e-2
+    assert not learning[-1] and np.ptp(weights[~learning], axis=0).max() == 0
+
+
+def test_the_manifest_says_what_a_robot_needs(manifest, exported) -> None:
+    image, reward, noise = manifest["inputs"]
+    assert image == {"name": "observation", "shape": [39, 52, 3], "dtype": "uint8"}
+    assert (reward["shape"], noise["shape"]) == ([], [4, 4])
+    assert manifest["outputs"] == [{"name": "action", "shape": [2], "dtype": "float32"}]
+    assert manifest["units"]["action"] == "rad/s, left wheel first"
+    assert manifest["dt"] == 1 / 32 and manifest["max_speed"] == 1.26
+    assert [c["letter"] for c in manifest["colors"]] == list("RGBY")
+    assert manifest["colors"][1] == {"letter": "G", "name": "green", "hue": 120.0}
+    state = {port["name"]: port for port in manifest["state"]}
+    assert state["behaviors.intention.u"]["rest"] == -5.0
+    assert [name for name, port in state.items() if port["long_term"]] == [WEIGHTS]
+    assert np.array(state[WEIGHTS]["rest"])[2, 1] == 0.5
+    assert [port["rest"] for port in manifest["switches"]] == [1.0]
+    source = manifest["source"]
+    assert source["config"]["sequence"] == "GBYRG" and len(source["checkpoint_sha256"]) == 64
+    for name, entry in manifest["files"].items():
+        content = (exported / name).read_bytes()
+        assert entry["bytes"] == len(content)
+        assert entry["sha256"] == hashlib.sha256(content).hexdigest()
+
+
+# ---------------------------------------------------------------- verify
+
+WITHOUT_DNTORCH = """
+import runpy, sys
+sys.argv = ["verify.py", sys.argv[1]]
+try:
+    runpy.run_path(sys.argv[1] + "/verify.py", run_name="__main__")
+except SystemExit as exit:
+    code = exit.code
+assert sys.modules["dntorch"] is None
+assert not [name for name in sys.modules if name.startswith("dntorch.")]
+sys.exit(code)
+"""
+
+
+def test_all_artefacts_pass_in_a_process_without_dntorch(exported) -> None:
+    command = [sys.executable, "-c", WITHOUT_DNTORCH, str(exported)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stdout + done.stderr
+    for name in ("agent.ts", "agent.pt2", "agent.onnx"):
+        assert f"{name}: ok" in done.stdout
+    assert "steps from recorded states, 902 running freely" in done.stdout
+
+
+def test_verify_is_a_command_with_an_exit_code(exported, tmp_path) -> None:
+    part_of(exported, tmp_path, "agent.onnx")
+    edit(tmp_path, lambda m: m["state"][0].update(rest=-4.999))
+    command = [sys.executable, "-m", "dntorch.cli", "verify", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 1, done.stderr
+    assert "agent.onnx: FAILED" in done.stdout and "sensorimotor.perception" in done.stdout
+
+
+def change_script(path: Path, find) -> None:
+    module = torch.jit.load(path)
+    find(module.structure).view(-1)[5] += 1e-3
+    torch.jit.save(module, path)
+
+
+def change_program(path: Path) -> None:
+    program = torch.export.load(path)
+    (name,) = [key for key in program.constants if key.endswith("heading.kernel_0")]
+    program.constants[name].view(-1)[5] += 1e-3
+    torch.export.save(program, path)
+
+
+def change_onnx(path: Path) -> None:
+    model = onnx.load(path)
+    big = [x for x in model.graph.initializer if list(x.dims) == [52, 52]]
+    values = onnx.numpy_helper.to_array(big[0]).copy()
+    values.flat[5] += 1e-3
+    big[0].CopyFrom(onnx.numpy_helper.from_array(values, big[0].name))
+    onnx.save(model, path)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("agent.ts", lambda p: change_script(p, lambda s: s.learner.values.weights)),
+        ("agent.ts", lambda p: change_script(p, lambda s: s.sensorimotor.perception.kernel_1)),
+        ("agent.ts", lambda p: change_script(p, lambda s: s.sensorimotor.hue_bias)),
+        ("agent.pt2", change_program),
+        ("agent.onnx", change_onnx),
+    ],
+    ids=["learned value", "kernel", "hue bias", "torch.export", "onnx"],
+)
+def test_one_weight_changed_by_a_thousandth_fails(name, change, exported, tmp_path, capsys) -> None:
+    part_of(exported, tmp_path, name)
+    change(tmp_path / name)
+    assert not replay.verify(tmp_path)
+    assert "with another checksum" in capsys.readouterr().out
+    sign(tmp_path)
+    assert not replay.verify(tmp_path)
+    printed = capsys.readouterr().out
+    assert "checksum" not in printed and "FAILED" in printed
+
+
+@pytest.mark.parametrize("name", ["agent.ts", "agent.pt2", "agent.onnx", "golden.npz"])
+def test_a_truncated_file_fails_with_its_name(name, exported, tmp_path, capsys) -> None:
+    part_of(exported, tmp_path, *({name} - {"golden.npz"} or {"agent.onnx"}))
+    os.truncate(tmp_path / name, (tmp_path / name).stat().st_size // 2)
+    if name == "golden.npz":
+        with pytest.raises(replay.Unfit, match=r"golden.npz is damaged .*: export again"):
+            replay.verify(tmp_path)
+        return
+    for signed in (False, True):
+        if signed:
+            sign(tmp_path)
+        assert not replay.verify(tmp_path)
+        assert f"{name}: FAILED: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["agent.ts", "agent.onnx"])
+def test_a_manifest_of_another_agent_fails(name, exported, tmp_path, capsys) -> None:
+    part_of(exported, tmp_path, name)
+    edit(tmp_path, lambda m: m["state"].pop(2))
+    assert not replay.verify(tmp_path)
+    assert "FAILED" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 7}'])
+def test_a_damaged_manifest_is_named(content, tmp_path) -> None:
+    (tmp_path / "manifest.json").write_text(content)
+    with pytest.raises(replay.Unfit, match=r"manifest.json .*export again"):
+        replay.verify(tmp_path)
+
+
+# ---------------------------------------------------------------- bad input
+
+IMAGE = np.zeros((39, 52, 3), np.uint8)
+
+
+def wrong(**changes):
+    good = {
+        "observation": torch.from_numpy(IMAGE),
+        "reward": torch.zeros(()),
+        "noise": torch.zeros(4, 4),
+    }
+    return tuple((good | changes).values())
+
+
+@pytest.mark.parametrize(
+    ("inputs", "says"),
+    [
+        (wrong(observation=torch.zeros(40, 52, 3, dtype=torch.uint8)), r"observation .*\[40, 52"),
+        (wrong(observation=torch.zeros(39, 52, 3)), "observation .*dtype"),
+        (wrong(reward=torch.tensor(torch.nan)), "reward is not finite"),
+        (wrong(reward=torch.zeros(1)), "reward of shape"),
+        (wrong(noise=torch.full((4, 4), torch.inf)), "noise is not finite"),
+    ],
+)
+def test_torchscript_refuses_bad_input_and_stays_as_it_was(exported, inputs, says) -> None:
+    agent = torch.jit.load(exported / "agent.ts")
+    before = agent.get_state()
+    with pytest.raises(Exception, match=says):
+        agent(*inputs)
+    after = agent.get_state()
+    assert all(torch.equal(before[name], after[name]) for name in before)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        (WEIGHTS, torch.full((4, 4), torch.nan), "is not finite"),
+        (WEIGHTS, torch.zeros(3, 3), "of shape"),
+        ("extra", torch.zeros(4), "names"),
+    ],
+)
+def test_torchscript_refuses_a_bad_state_as_a_whole(exported, name, value, says) -> None:
+    agent = torch.jit.load(exported / "agent.ts")
+    before = agent.get_state()
+    changed = {key: tensor + 1 for key, tensor in before.items()}
+    with pytest.raises(Exception, match=says):
+        agent.set_state(changed | {name: value})
+    assert all(torch.equal(before[key], tensor) for key, tensor in agent.get_state().items())
+
+
+def test_torchscript_has_the_methods_of_the_agent(exported) -> None:
+    agent = torch.jit.load(exported / "agent.ts")
+    rest = agent.get_state()
+    agent.set_state({key: tensor + 1 for key, tensor in rest.items()})
+    agent.reset()
+    for key, tensor in agent.get_state().items():
+        assert torch.equal(tensor, rest[key] + (key == WEIGHTS)), key
+    agent.learn(False)
+    assert not agent.structure.learner.values.learning
+    agent.forget()
+    assert not agent.get_state()[WEIGHTS].any()
+    assert agent.dt == 1 / 32
+
+
+def stateless(exported, name: str, manifest):
+    artefact = replay.RUNTIMES[{"agent.pt2": "export", "agent.onnx": "onnx"}[name]]
+    return artefact(exported / name, manifest)
+
+
+@pytest.mark.parametrize("name", ["agent.pt2", "agent.onnx"])
+def test_a_function_says_invalid_and_gives_no_motion(name, exported, manifest) -> None:
+    agent = stateless(exported, name, manifest)
+    good = [IMAGE, np.array(0, np.float32), np.zeros((4, 4), np.float32)]
+    rest = [np.array(1, np.float32), *agent.held.values()]
+    places = {"reward": 1, "noise": 2, "state": 4 + list(agent.held).index(WEIGHTS)}
+    for where, place in places.items():
+        arrays = [x.copy() for x in good + rest]
+        arrays[place] = np.full_like(arrays[place], np.nan)
+        valid, wheels, *state = agent.call(arrays)
+        assert not valid and not wheels.any(), where
+        for before, after in zip(arrays[4:], state):
+            np.testing.assert_array_equal(before, after)
+
+
+@pytest.mark.parametrize("image", [np.zeros((40, 52, 3), np.uint8), np.zeros((39, 52, 3))])
+@pytest.mark.parametrize("name", ["agent.pt2", "agent.onnx"])
+def test_a_function_refuses_another_image(name, image, exported, manifest) -> None:
+    agent = stateless(exported, name, manifest)
+    arrays = [image, np.array(0, np.float32), np.zeros((4, 4), np.float32), np.array(1, np.float32)]
+    with pytest.raises(Exception, match=r"observation|tensors_0|[Tt]ype"):
+        agent.call([*arrays, *agent.held.values()])
+
+
+# ---------------------------------------------------------------- the runner of one file
+
+
+class Timeless:
+    """A clock for tests: sleeping takes no time."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+class Simulated:
+    """The e-puck of the simulated world, behind the runner's interface."""
+
+    def __init__(self, **options) -> None:
+        self.env = EPuckEnv(**options)
+        self.image = self.env.reset(seed=1)[0]["image"]
+        self.found, self.rewarded, self.now = [], 0, 0.0
+
+    def frame(self) -> np.ndarray:
+        return self.image
+
+    def drive(self, left: float, right: float) -> None:
+        observation, self.now, _, _, info = self.env.step(np.array([left, right]))
+        self.image = observation["image"]
+        self.rewarded += bool(info["completed"])
+        if info["found"] >= 0:
+            self.found.append("RGBY"[info["found"]])
+
+    def reward(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize("runtime", ["onnx", "torchscript"])
+def test_the_runner_completes_the_sequence_twice_in_the_simulated_world(exported, runtime) -> None:
+    agent, robot = runner.load(exported, runtime), Simulated()
+    learned = agent.state()[WEIGHTS].copy()
+    for _ in range(30):
+        runner.run(agent, robot, 100, clock=Timeless())
+        if robot.rewarded == 2:
+            break
+    robot.env.close()
+    assert robot.rewarded == 2, robot.found
+    assert "GBYRGBYRG" in "".join(robot.found)
+    assert np.abs(agent.state()[WEIGHTS] - learned).max() > 1e-2  # it kept learning
+
+
+class Still:
+    """A robot that remembers what it was told to do; ``frames`` are its camera's."""
+
+    def __init__(self, frames) -> None:
+        self.frames, self.told = iter(frames), []
+
+    def frame(self):
+        return next(self.frames)
+
+    def drive(self, left: float, right: float) -> None:
+        self.told.append((left, right))
+
+
+def moving(agent) -> None:
+    """Bring an agent to a state in which it turns."""
+    for _ in range(100):
+        wheels = agent.act(IMAGE)
+    assert wheels[1] > 0.1
+
+
+@pytest.mark.parametrize("runtime", ["onnx", "torchscript"])
+@pytest.mark.parametrize(
+    "frame", [None, IMAGE[:-1], IMAGE.astype(np.float32), IMAGE.tobytes()], ids=str
+)
+def test_bad_frames_never_move_the_robot(exported, runtime, frame) -> None:
+    agent = runner.load(exported, runtime)
+    moving(agent)
+    before = {name: value.copy() for name, value in agent.state().items()}
+    robot = Still([frame] * 10)
+    count = runner.run(agent, robot, 10, clock=Timeless())
+    assert count["bad frames"] == 10 and set(robot.told) == {(0.0, 0.0)}
+    for name, value in agent.state().items():
+        np.testing.assert_array_equal(value, before[name])
+    robot = Still([IMAGE, frame, IMAGE])
+    runner.run(agent, robot, 3, clock=Timeless())
+    assert [wheels != (0.0, 0.0) for wheels in robot.told] == [True, False, True, False]
+
+
+def test_the_runner_gives_up_on_a_camera_that_stays_broken(exported) -> None:
+    robot = Still([None] * 100)
+    with pytest.raises(runner.BadInput, match="for 1 s nothing but bad input"):
+        runner.run(runner.load(exported, "onnx"), robot, 100, clock=Timeless())
+    assert set(robot.told) == {(0.0, 0.0)}
+
+
+@pytest.mark.parametrize("runtime", ["onnx", "torchscript"])
+def test_numbers_that_are_not_finite_are_refused(exported, runtime) -> None:
+    agent = runner.load(exported, runtime)
+    with pytest.raises(runner.BadInput, match="reward"):
+        agent.act(IMAGE, reward=float("nan"))
+    with pytest.raises(runner.BadInput, match="noise"):
+        agent.act(IMAGE, noise=np.full((4, 4), np.nan))
+    assert agent.act(IMAGE) == (0.0, 0.0)
+
+
+def test_a_robot_stands_still_after_an_error(exported) -> None:
+    robot = Still([IMAGE] * 3)
+    with pytest.raises(StopIteration):
+        runner.run(runner.load(exported, "onnx"), robot, 10, clock=Timeless())
+    assert robot.told[-1] == (0.0, 0.0)
+
+
+def test_exploration_is_that_of_the_library() -> None:
+    library = Exploration(4, seed=7, amplitude=10.0)
+    for decision in (0, 1, 5, 70_000):
+        expected = library(torch.tensor(decision)).numpy()
+        np.testing.assert_array_equal(runner.exploration(7, decision, 4, 10.0), expected)
+
+
+@pytest.mark.parametrize("runtime", ["onnx", "torchscript"])
+def test_learning_can_be_switched(exported, golden, runtime) -> None:
+    agent = runner.load(exported, runtime)
+    agent.learn(False)
+    fixed = agent.state()[WEIGHTS].copy()
+    rewarded = int(np.argmax(golden["run/reward"] > 0)) + 30
+    for on in (False, True):
+        agent.reset()
+        agent.learn(on)
+        for k in range(rewarded):
+            agent.act(golden["run/observation"][k], float(golden["run/reward"][k]))
+        assert np.array_equal(agent.state()[WEIGHTS], fixed) is not on
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda d: os.truncate(d / "agent.onnx", 1000), "agent.onnx is damaged or not of"),
+        (lambda d: (d / "manifest.json").write_text("{"), "manifest.json cannot be used"),
+        (lambda d: edit(d, lambda m: m["inputs"].pop()), "not of a robot's agent"),
+        (lambda d: edit(d, lambda m: m["state"].pop()), "its manifest says"),
+        (lambda d: edit(d, lambda m: m.pop("dt")), "lacks"),
+    ],
+)
+def test_the_runner_refuses_what_does_not_fit(damage, says, exported, tmp_path) -> None:
+    damage(part_of(exported, tmp_path, "agent.onnx"))
+    with pytest.raises(runner.Unfit, match=says):
+        runner.load(tmp_path, "onnx")
+
+
+ROBOT = """
+import sys
+import numpy
+class Robot:
+    def frame(self):
+        assert "dntorch" not in sys.modules and "torch" not in sys.modules
+        return numpy.zeros((39, 52, 3), numpy.uint8)
+    def drive(self, left, right):
+        print("wheels", left, right)
+"""
+
+
+def test_the_runner_needs_neither_dntorch_nor_torch(exported, tmp_path) -> None:
+    (tmp_path / "robot.py").write_text(ROBOT)
+    command = [sys.executable, str(RUNNER), str(exported), "--robot", f"{tmp_path}/robot.py:Robot"]
+    done = subprocess.run(
+        [*command, "--seconds", "1"], capture_output=True, text=True, timeout=60, cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("wheels") == 33 and "'steps': 32" in done.stdout
+    done = subprocess.run([*command[:-1], "nowhere"], capture_output=True, text=True, timeout=60)
+    assert (
+        done.returncode == 1 and done.stderr == "run_agent: --robot=nowhere: give FILE.py:CLASS\n"
+    )
+
+
+def test_onnx_runtime_reads_the_state_that_the_manifest_names(exported, manifest) -> None:
+    session = onnxruntime.InferenceSession(exported / "agent.onnx")
+    names = [p["name"] for key in ("inputs", "switches", "state") for p in manifest[key]]
+    assert [port.name for port in session.get_inputs()] == names
+    state = [f"next.{port['name']}" for port in manifest["state"]]
+    assert [port.name for port in session.get_outputs()] == ["valid", "action", *state]
