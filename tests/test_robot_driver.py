@@ -3,18 +3,21 @@
 import math
 import os
 import socket
+import subprocess
+import sys
 import threading
 
 import numpy as np
 import pytest
 
+import dntorch
 from dntorch.robot.clock import RealClock, VirtualClock
 from dntorch.robot.codecs import sercom, sercom2, wifi
 from dntorch.robot.codecs.rgb565 import Picture
 from dntorch.robot.dialects import Sercom, Sercom2, Wifi
 from dntorch.robot.driver import Driver
 from dntorch.robot.servers import MemoryServer, PtyServer, TcpServer
-from dntorch.robot.transports import LinkLost, Serial, Tcp
+from dntorch.robot.transports import LinkLost, Serial, Tcp, transport_for
 
 IMAGE = wifi.encode_packet(Picture(160, 120, bytes.fromhex("f800") * 19200))
 STOP = wifi.encode_command(wifi.Command())
@@ -244,7 +247,7 @@ def test_real_links_carry_frames_and_stops(kind):
     assert threading.active_count() == threads, "a thread is left over"
 
 
-def test_tcp_does_not_wait_to_send(monkeypatch):
+def test_tcp_does_not_wait_to_send():
     server = TcpServer()
     transport = Tcp(server.host, server.port)
     transport.open()
@@ -256,9 +259,32 @@ def test_tcp_does_not_wait_to_send(monkeypatch):
 
 
 def test_serial_without_pyserial_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "serial", None)
+    monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(ImportError, match="pip install"):
         Serial(os.devnull).open()
+
+
+@pytest.mark.parametrize("wrong", ["udp://here", "tcp://", "tcp://here:x", "192.168.1.1"])
+def test_an_address_says_what_it_should_be(wrong):
+    with pytest.raises(ValueError, match="tcp://HOST"):
+        transport_for(wrong)
+
+
+def test_robots_need_neither_simulation_nor_serial_line_to_be_imported():
+    program = (
+        "import sys, importlib, pkgutil, types\n"
+        "missing = 'torch', 'gymnasium', 'pybullet', 'serial', 'cv2'\n"
+        "sys.modules.update(dict.fromkeys(missing))\n"
+        "package = sys.modules['dntorch'] = types.ModuleType('dntorch')\n"
+        f"package.__path__ = {list(dntorch.__path__)!r}\n"
+        "import dntorch.robot\n"
+        "for part in pkgutil.walk_packages(dntorch.robot.__path__, 'dntorch.robot.'):\n"
+        "    importlib.import_module(part.name)\n"
+        "print(*[name for name in sys.modules if name.startswith('dntorch.robot')])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.split()) > 15
 
 
 def test_virtual_events_keep_their_order_and_do_not_drift():

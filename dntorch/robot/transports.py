@@ -138,6 +138,26 @@ class Serial:
         return self._port
 
 
+def transport_for(address: str) -> Transport:
+    """A way to the robot at ``tcp://HOST[:PORT]`` or ``serial://DEVICE``.
+
+    Raises:
+        ValueError: another kind of address.
+
+    >>> transport_for("tcp://192.168.1.1").port
+    1000
+    >>> transport_for("serial:///dev/rfcomm0").path
+    '/dev/rfcomm0'
+    """
+    kind, _, place = address.partition("://")
+    if kind == "serial" and place:
+        return Serial(place)
+    host, _, port = place.partition(":")
+    if kind != "tcp" or not host or not (port or "1").isdigit():
+        raise ValueError(f"{address!r} is no robot: give tcp://HOST[:PORT] or serial://DEVICE")
+    return Tcp(host, int(port or PORT))
+
+
 class Memory:
     """The host's end of a link inside one process; the other end is a `MemoryServer`."""
 
