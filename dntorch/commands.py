@@ -9,7 +9,7 @@ import torch
 from tqdm import tqdm
 
 import dntorch as library
-from dntorch import commands_export, commands_reproduce
+from dntorch import commands_export, commands_reproduce, commands_sweep
 from dntorch.experiments import learn as learning
 from dntorch.experiments.config import WORLDS, Config
 from dntorch.experiments.trial import Trial
@@ -31,6 +31,7 @@ def dntorch() -> None:
 dntorch.add_command(commands_export.export)
 dntorch.add_command(commands_export.verify)
 dntorch.add_command(commands_reproduce.reproduce)
+dntorch.add_command(commands_sweep.sweep)
 
 
 @dntorch.command()

@@ -116,8 +116,8 @@ def main() -> None:
         ("no trace, lambda = 0", TextbookTrace(n, batch, decay=0.0)),
     ):
         late = learn(trace, seeds, arguments.decisions, task)
-        print(f"{name}: {int((late >= 9).sum())} of {batch} optimal, "
-              f"{late.mean():.1f} rewards in the last 40 decisions (10 is the most)", flush=True)  # fmt: skip
+        print(f"{name}: {int((late >= 9).sum())} of {batch} optimal, {late.mean():.1f} "
+              "rewards in the last 40 decisions (10 is the most)", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":
