@@ -153,6 +153,11 @@ void drive(Agent& agent, const Record& run, double seconds) {
               at_share(latencies, 0.99), latencies.back(), static_cast<long long>(missed));
 }
 
+int fail(const std::string& reason) {
+  std::cerr << "run_agent: " << reason << "\n";
+  return 1;
+}
+
 int main(int count, char** arguments) {
   if (count < 2 || count > 3) {
     std::cerr << "usage: run_agent DIR [SECONDS]\n";
@@ -170,11 +175,13 @@ int main(int count, char** arguments) {
     const bool same = replay(agent, run, pairs);
     drive(agent, run, seconds);
     return same ? 0 : 1;
+  } catch (const c10::Error& error) {
+    const std::string text = error.what_without_backtrace();
+    return fail(text.substr(0, text.find('\n')));
   } catch (const std::exception& error) {
-    // The reason stands in the last line of what TorchScript says.
+    // What a TorchScript method raises stands in the last line.
     std::string text = error.what();
     while (!text.empty() && text.back() == '\n') text.pop_back();
-    std::cerr << "run_agent: " << text.substr(text.rfind('\n') + 1) << "\n";
-    return 1;
+    return fail(text.substr(text.rfind('\n') + 1));
   }
 }

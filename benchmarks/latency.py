@@ -1,0 +1,128 @@
+"""Latency of one control step of the agent, from a camera image to wheel speeds, on one core.
+
+    python benchmarks/latency.py [--rounds 40] [--cpp build/cpp/run_agent]
+
+Ways to run the same agent take turns within each round, so that a busy machine is busy for
+all of them. Prints the median and the 99th percentile of wall time and of CPU time, which other
+programs on the machine don't lengthen much, the share of the time between two control steps
+(1/32 s) that the 99th percentile of CPU time takes, and the ratio of median CPU times to the
+eager agent. With --cpp also what the C++ runner says of its loop, which sleeps between steps.
+Takes about half a minute, with --aotinductor one more.
+"""
+
+import argparse
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dntorch import DNSarsa, FindColor
+from dntorch.experiments.config import Config
+from dntorch.experiments.trial import Trial
+from dntorch.export import RUNTIMES, export_run, replay
+
+ROUNDS, STEPS, WARM = 40, 50, 100
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"of {STEPS} steps each")
+    parser.add_argument("--aotinductor", action="store_true")
+    parser.add_argument("--cpp", type=Path, help="the C++ runner that `make cpp` builds")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(True)
+    runtimes = ["torchscript", "export", "onnx"] + ["aotinductor"] * options.aotinductor
+    with tempfile.TemporaryDirectory() as folder:
+        export = untrained(Path(folder), runtimes)
+        manifest, golden = replay.read(export)
+        inputs = [golden[f"run/{port['name']}"] for port in manifest["inputs"]]
+        steppers = {"eager": eager(inputs)}
+        for runtime in runtimes:
+            path = export / f"agent{RUNTIMES[runtime]}"
+            steppers[runtime] = artefact(runtime, path, manifest, inputs)
+        report(measure(steppers, options.rounds), manifest["dt"])
+        if options.cpp:
+            done = subprocess.run([options.cpp, export, "20"], capture_output=True, text=True)
+            print("C++", done.stdout.splitlines()[-1] if done.stdout else done.stderr)
+
+
+def untrained(folder: Path, runtimes: list[str]) -> Path:
+    """An export of an agent that knows nothing yet, which costs the same."""
+    trial = Trial(Config(steps=1, explore=0))
+    trial.save(folder / "checkpoint.pt")
+    trial.close()
+    return export_run(folder, folder / "export", runtimes)
+
+
+def eager(inputs):
+    agent, tensors = DNSarsa(4, FindColor()), [torch.from_numpy(x) for x in inputs]
+
+    def step(k: int) -> None:
+        with torch.inference_mode():
+            agent(*(x[k] for x in tensors))
+
+    return step
+
+
+def artefact(runtime: str, path: Path, manifest: dict, inputs):
+    """The artefact itself, without the copies and comparisons of `replay`."""
+    held = replay.RUNTIMES[runtime](path, manifest)
+    tensors = [torch.from_numpy(x) for x in inputs]
+    if runtime == "torchscript":
+
+        def step(k: int) -> None:
+            with torch.inference_mode():
+                held.module(*(x[k] for x in tensors))
+
+        return step
+    if runtime == "onnx":
+        names = held.takes[len(inputs) + 1 :]
+        state = dict(zip(names, held.held.values()))
+        learning = {held.takes[len(inputs)]: np.ones((), np.float32)}
+
+        def step(k: int) -> None:
+            now = {name: np.asarray(x[k]) for name, x in zip(held.takes, inputs)}
+            _, _, *after = held.session.run(None, now | learning | state)
+            state.update(zip(names, after))
+
+        return step
+    loop = [torch.from_numpy(x) for x in held.held.values()]
+
+    def step(k: int) -> None:
+        with torch.no_grad():
+            _, _, *loop[:] = held.function(*(x[k] for x in tensors), torch.ones(()), *loop)
+
+    return step
+
+
+def measure(steppers, rounds: int) -> dict[str, np.ndarray]:
+    """Milliseconds of each step for each way, in turns: wall time and CPU time, ``(2, steps)``."""
+    times = {name: [] for name in steppers}
+    for turn in range(-(WARM // STEPS), rounds):
+        for name, step in steppers.items():
+            for k in range(STEPS):
+                began = time.perf_counter(), time.thread_time()
+                step((turn * STEPS + k) % 800)
+                ended = time.perf_counter(), time.thread_time()
+                if turn >= 0:
+                    times[name].append(1e3 * np.subtract(ended, began))
+    return {name: np.array(values).T for name, values in times.items()}
+
+
+def report(times: dict[str, np.ndarray], dt: float) -> None:
+    columns = ("median", "p99", "CPU median", "CPU p99", "of 1/32 s", "eager/this")
+    print(" " * 12 + "".join(f"{column:>12}" for column in columns))
+    eager = np.median(times["eager"][1])
+    for name, (wall, cpu) in times.items():
+        numbers = [np.quantile(x, q) for x in (wall, cpu) for q in (0.5, 0.99)]
+        cells = "".join(f"{number:9.3f} ms" for number in numbers)
+        share, ratio = numbers[3] / 1e3 / dt, eager / numbers[2]
+        print(f"{name:12}{cells}{share:12.1%}{ratio:12.2f}")
+
+
+if __name__ == "__main__":
+    main()
