@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dntorch.robot.codecs import ProtocolError, Stream, rgb565, sercom, sercom2, wifi
@@ -156,6 +156,9 @@ def test_sercom2_by_hand():
 
 # ---------------------------------------------------------------- properties
 
+#: A busy machine is no failure.
+QUIET = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+
 i8, i16 = st.integers(-128, 127), st.integers(-32768, 32767)
 u8, u16 = st.integers(0, 255), st.integers(0, 65535)
 f32 = st.floats(width=32, allow_nan=False)
@@ -203,7 +206,7 @@ def fed(split, parts):
     return found, None
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60, **QUIET)
 @given(st.lists(packets, max_size=4), st.sampled_from([b"", b"\0more", b"\x80"]), st.data())
 def test_any_split_of_the_robots_stream_gives_the_same_packets(sent, tail, data):
     stream = b"".join(map(wifi.encode_packet, sent)) + tail
@@ -212,7 +215,7 @@ def test_any_split_of_the_robots_stream_gives_the_same_packets(sent, tail, data)
     assert fed(wifi.split_packets, pieces(stream, data.draw)) == whole
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200, **QUIET)
 @given(st.lists(commands, max_size=6), st.sampled_from([b"", b"\x81"]), st.data())
 def test_any_split_of_the_hosts_stream_gives_the_same_commands(sent, tail, data):
     stream = b"".join(map(wifi.encode_command, sent)) + tail
@@ -221,7 +224,7 @@ def test_any_split_of_the_hosts_stream_gives_the_same_commands(sent, tail, data)
     assert fed(wifi.split_commands, pieces(stream, data.draw)) == whole
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200, **QUIET)
 @given(st.lists(requests, max_size=6), st.data())
 def test_any_split_of_a_sercom_stream_gives_the_same_requests(sent, data):
     stream = b"".join(map(written, sent))
@@ -232,7 +235,7 @@ def test_any_split_of_a_sercom_stream_gives_the_same_requests(sent, data):
     assert fed(split, pieces(stream, data.draw)) == (sent, None)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200, **QUIET)
 @given(commands, sensors)
 def test_decode_of_encode_is_the_same(command, measured):
     assert wifi.decode_command(wifi.encode_command(command)) == command

