@@ -13,7 +13,8 @@ from dntorch.envs.task import NOTHING, SequenceTask, TaskState
 
 #: What needs NumPy, Gymnasium or PyBullet is imported when it is first asked for.
 _LATER = {
-    "EPuckEnv": "epuck", "HardwareEnv": "hardware", "Judge": "judge", "Light": "layout", "Ring": "layout",
+    "EPuckEnv": "epuck", "HardwareEnv": "hardware", "Judge": "judge", "Light": "layout",
+    "Ring": "layout",
 }  # fmt: skip
 
 __all__ = [
