@@ -24,21 +24,24 @@ def train(
     folder: Path,
     save_every: int = 5_000,
     progress: Callable[[Trial, int], Any] | None = None,
+    until: int | None = None,
 ) -> float:
-    """Run a trial to its end with a checkpoint every ``save_every`` steps; returns seconds.
+    """Run a trial to its end, or ``until`` a step, with a checkpoint every ``save_every`` steps.
+
+    Returns the seconds it took.
 
     A run that is killed loses what came after its last checkpoint, and finds the same again
     when it is resumed. Ctrl-C saves first.
     """
-    began = time.monotonic()
+    began, end = time.monotonic(), min(until or trial.config.steps, trial.config.steps)
     try:
-        while not trial.finished:
+        while trial.step < end:
             before = trial.step
             until_save = save_every - before % save_every
-            trial.advance(min(PORTION, until_save))
+            trial.advance(min(PORTION, until_save, end - before))
             if progress:
                 progress(trial, trial.step - before)
-            if trial.step % save_every == 0 or trial.finished:
+            if trial.step % save_every == 0 or trial.step == end:
                 trial.save(folder / CHECKPOINT)
     except KeyboardInterrupt:
         trial.save(folder / CHECKPOINT)
