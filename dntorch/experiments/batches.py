@@ -126,7 +126,8 @@ def run_groups(
 ) -> dict[str, dict[str, np.ndarray]]:
     """Events of each job, cut in ``batches`` (one a process); what is done already is read."""
     parts = [part for job in groups for part in split(job, batches or processes)]
-    run_all(_population, parts, folder, processes, progress)
+    if not all((folder / f"{part.name}.npz").exists() for part in parts):
+        run_all(_population, parts, folder, processes, progress)
     results: dict[str, dict[str, np.ndarray]] = {}
     for job in groups:
         names = [part.name for part in split(job, batches or processes)]

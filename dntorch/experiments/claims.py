@@ -83,7 +83,8 @@ def _learning(r: dict, p: dict) -> list[Claim]:
     late, found = neural["optimal_only_in_exploitation"]
     few = f" (no {bound} can be shown with {n} runs: all must be optimal)" if n < 381 else ""
     first, last = error["at_first_find"], error["last_40"]
-    ratio = last / first if first else None
+    ratio = last / first if first and last is not None else None
+    fell = ratio is not None and ratio <= p["td_error"]["last_against_first_at_most"]
     return [
         Claim(
             p["optimal_given_found"]["paper"],
@@ -109,9 +110,9 @@ def _learning(r: dict, p: dict) -> list[Claim]:
             p["td_error"]["paper"],
             "mean |TD error| of the last 40 transitions at most "
             f"{p['td_error']['last_against_first_at_most']} of that at the first reward",
-            f"{last:.4f} against {first:.4f}" if first else "no run found it",
-            verdict(bool(ratio and ratio <= p["td_error"]["last_against_first_at_most"]),
-                    first is not None),
+            f"{last:.4f} against {first:.4f} (rewarded ones alone {error['last_40_rewarded']:.4f})"
+            if first and last is not None else "no run found it",
+            verdict(fell, ratio is not None),
         ),
     ]  # fmt: skip
 

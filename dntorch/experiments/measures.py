@@ -67,8 +67,10 @@ def runs_from_events(events: dict[str, np.ndarray], count: int) -> Runs:
         weights[agent, column] = events["weights"][order].swapaxes(-1, -2)
     rewarded = np.zeros(shape, bool)
     disagreements = np.zeros(count, np.int64)
+    find = find[np.lexsort((find[:, 1], find[:, 0]))]
+    edges = np.searchsorted(find[:, 0], np.arange(count + 1))
     for run in range(count):
-        mine = find[find[:, 0] == run]
+        mine = find[edges[run] : edges[run + 1]]
         rewarded[run], disagreements[run] = match(steps[run], behaviors[run], mine[:, 1:])
     trouble = events["trouble"].copy()
     trouble[1] -= np.where(steps[:, 0] >= 0, steps[:, 0], trouble[1]).astype(trouble.dtype)

@@ -297,11 +297,13 @@ def td_error(
         curves[name] = total_size / np.maximum(number, 1)
     column = np.arange(delta.shape[1])
     last = (column >= total[:, None] - 41) & (column < total[:, None] - 1) & found & (step >= 0)
+    paid = last & runs.rewarded[:, :-1]
     which = np.flatnonzero(result.found)
     first = delta[which, result.first[which].clip(max=delta.shape[1] - 1)]
     return {
         "at_first_find": float(first.mean()) if len(first) else None,
         "last_40": float(delta[last].mean()) if last.any() else None,
+        "last_40_rewarded": float(delta[paid].mean()) if paid.any() else None,
         "bins": BINS,
         "curves": curves,
     }

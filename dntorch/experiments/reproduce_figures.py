@@ -92,8 +92,17 @@ def _times(ax: Axes, study: Study) -> None:
     order = np.argsort(first)
     rank = np.arange(len(found)) + 1
     size = 4 if len(found) < 50 else 1.5
-    ax.plot(first[order], rank, "o", ms=size, color=BLUE, label="found for the first time")
-    ax.plot(learned[order], rank, "x", ms=size, color=RED, label="values execute it for good")
+    ax.plot(
+        first[order],
+        rank,
+        "o",
+        ms=size + 3,
+        color=BLUE,
+        alpha=0.4,
+        mew=0,
+        label="found for the first time",
+    )
+    ax.plot(learned[order], rank, "o", ms=size, color=RED, label="values execute it for good")
     ax.set_ylabel(f"run, of {len(found)} that found it")
     ax.legend(frameon=False, fontsize=8, loc="upper left")
     _phase(ax, study)
@@ -169,7 +178,8 @@ def _coefficients(ax: Axes, study: Study) -> None:
                        label=phase if k == 0 else None)  # fmt: skip
     ax.set_xticks(range(3), ["γQ(s',a')", "−Q(s,a)", "reward"])
     ax.set_title("coefficients, a transition", loc="left", color=INK)
-    ax.legend(frameon=False, fontsize=8, loc="lower right")
+    ax.set_ylim(0, 1.35 * max(theory[name] for name in ("next", "old", "reward")))
+    ax.legend(frameon=False, fontsize=8, loc="upper left", ncols=3)
 
 
 def exploration(study: Study) -> Figure:
@@ -183,8 +193,9 @@ def exploration(study: Study) -> Figure:
         image = ax.imshow(share[i], vmin=0, vmax=0.5, cmap="Blues")
         for (j, k), value in np.ndenumerate(share[i]):
             if j != i and k != j:
-                ax.text(k, j, f"{value:.2f}", ha="center", va="center", fontsize=8,
-                        color=RED if k == i else INK)  # fmt: skip
+                ink = "white" if value > 0.3 else INK
+                weight = "bold" if k == i else "normal"  # a return
+                ax.text(k, j, f"{value:.2f}", ha="center", va="center", color=ink, weight=weight)
         ax.set_title(f"after {colors[i]}, then …", color=INK, fontsize=10)
         ax.set_xticks(range(n), colors)
         ax.set_yticks(range(n), colors)
