@@ -1,7 +1,5 @@
 """A policy for TorchRL made from the agent; it learns on line in its own forward."""
 
-from typing import Any
-
 import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
@@ -11,7 +9,7 @@ from torchrl.data import Composite, Unbounded
 
 from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
-from dntorch.rl.transforms import AgentPrimer
+from dntorch.rl.transforms import AgentPrimer, pack, unpack
 
 
 class AgentPolicy(TensorDictModuleBase):
@@ -34,12 +32,12 @@ class AgentPolicy(TensorDictModuleBase):
     steps         ``(*batch,)``            control steps taken so far, int64
     ============  =======================  ===================================================
 
-    The state (activations, learned values, number of steps) is kept in one of two places:
+    The state (activations, learned values, number of steps) lies in one of two places:
 
     * in buffers (the default): ``policy.agent`` itself learns. For one process, and for
       processes that each build a policy of their own (``policy_factory=``).
-    * in the tensordict (``carried=True``), under ``agent``: ``policy.agent`` stays as it is.
-      For collectors that share or send policies. The env needs ``policy.primer()``;
+    * in the tensordict (``carried=True``), under ``agent``, beside the seed of exploration:
+      ``policy.agent`` stays as it is. For collectors that share or send policies. The env needs ``policy.primer()``;
       ``policy.adopt(batch)`` gives the agent what was learned.
 
     Args:
@@ -85,7 +83,7 @@ class AgentPolicy(TensorDictModuleBase):
         self.spec = self._spec(batch)
         self.out_keys = list(self.spec.keys())
         if carried:
-            self.in_keys += [(self.KEPT, name) for name in [*self.names, "steps"]]
+            self.in_keys += [(self.KEPT, name) for name in [*self.names, "steps", "seed"]]
             self.out_keys += [("next", key) for key in self.in_keys[3:]]
 
     def _spec(self, batch: list[int]) -> Composite:
@@ -110,24 +108,26 @@ class AgentPolicy(TensorDictModuleBase):
         }
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        state, steps = self._recall(tensordict)
+        state, steps, seed = self._recall(tensordict)
         first = tensordict.get("is_init").squeeze(-1)
         if first.any():
             state = self._begin(first, state)
         reward = tensordict.get("last_reward").squeeze(-1)
-        noise = self._noise(state.decisions, steps)
+        noise = self._noise(state.decisions, steps, seed)
         action, state = self.agent.step(tensordict.get(self.observation), reward, noise, state)
         steps = steps + 1
-        self._remember(tensordict, state, steps)
+        self._remember(tensordict, state, steps, seed)
         for key, value in self._written(state, steps).items():
             tensordict.set(key, value)  # a new tensor each step, never a buffer
         return tensordict.set("action", action)
 
-    def _noise(self, decisions: Tensor, steps: Tensor) -> Tensor:
-        exploring = steps < self.explore
+    def _noise(self, decisions: Tensor, steps: Tensor, seed: Tensor | None = None) -> Tensor:
+        exploring, draws = steps < self.explore, self.exploration
         if not exploring.any():
             return torch.zeros_like(self.agent.weights)
-        noise = self.exploration(decisions, self.agent.weights.dtype)
+        if seed is not None and not (seed.unsqueeze(-1) == draws.seed).all():
+            draws.seed, draws.last = seed.unsqueeze(-1), None
+        noise = draws(decisions, self.agent.weights.dtype)
         if exploring.all():
             return noise
         return noise * exploring[..., None, None].to(noise)
@@ -146,30 +146,35 @@ class AgentPolicy(TensorDictModuleBase):
 
     # ------------------------------------------------------------- where the state is kept
 
-    def _recall(self, tensordict: TensorDictBase) -> tuple[AgentState, Tensor]:
+    def _recall(self, tensordict: TensorDictBase) -> tuple[AgentState, Tensor, Tensor | None]:
         if not self.carried:
             self._refuse_shared_memory()
-            return self.agent.state, self.steps.clone()
+            return self.agent.state, self.steps.clone(), None
         kept = tensordict.get(self.KEPT, None)
-        missing = [k for k in [*self.names, "steps"] if kept is None or k not in kept.keys()]
+        missing = [
+            k for k in [*self.names, "steps", "seed"] if kept is None or k not in kept.keys()
+        ]
         if missing:
             raise KeyError(
                 f"the tensordict lacks {missing[0]!r} under {self.KEPT!r}: without its state the "
                 "agent would forget in silence; append policy.primer() to the env's transforms"
             )
         leaves = [kept.get(name) for name in self.names]
-        return pytree.tree_unflatten(leaves, self.structure), kept.get("steps")
+        return pytree.tree_unflatten(leaves, self.structure), kept.get("steps"), kept.get("seed")
 
-    def _remember(self, tensordict: TensorDictBase, state: AgentState, steps: Tensor) -> None:
+    def _remember(
+        self, tensordict: TensorDictBase, state: AgentState, steps: Tensor, seed: Tensor | None
+    ) -> None:
         if self.carried:
-            tensordict.set(("next", self.KEPT), self._pack(state, steps))
+            tensordict.set(("next", self.KEPT), self._pack(state, steps, seed))
         else:
             self.agent.state = state
             self.steps.copy_(steps)
 
-    def _pack(self, state: AgentState, steps: Tensor) -> TensorDict:
+    def _pack(self, state: AgentState, steps: Tensor, seed: Tensor) -> TensorDict:
         content = dict(zip(self.names, pytree.tree_leaves(state)))
-        return TensorDict(content | {"steps": steps}, batch_size=self.steps.shape)
+        content |= {"steps": steps, "seed": seed}
+        return TensorDict(content, batch_size=self.steps.shape)
 
     def _refuse_shared_memory(self) -> None:
         buffer = self.agent.decisions
@@ -180,9 +185,16 @@ class AgentPolicy(TensorDictModuleBase):
                 "in each process, instead of policy=; or build it with carried=True"
             )
 
-    def primer(self) -> AgentPrimer:
-        """The transform that carries this agent's state, from what the agent is now."""
-        return AgentPrimer(self.KEPT, self._pack(self.agent.state, self.steps.clone()))
+    def primer(self, seed: int | Tensor | None = None) -> AgentPrimer:
+        """The transform that carries an agent's state, from what ``policy.agent`` is now.
+
+        ``seed`` is that of its exploration, so that one policy serves several agents; by
+        default that of the policy.
+        """
+        if seed is None:
+            seed = self.exploration.seed if self.exploration else 0
+        seeds = torch.zeros_like(self.steps) + torch.as_tensor(seed)
+        return AgentPrimer(self.KEPT, self._pack(self.agent.state, self.steps.clone(), seeds))
 
     def adopt(self, batch: TensorDictBase) -> DNSarsa:
         """Give the agent the state after the last step of a ``batch`` that carries it."""
@@ -194,10 +206,11 @@ class AgentPolicy(TensorDictModuleBase):
 
     # ------------------------------------------------------------- checkpoints
 
-    def get_extra_state(self) -> dict[str, Any]:
-        """All that an exact resume needs; ``state_dict`` alone keeps what was learned."""
-        return {"agent": self.agent.snapshot(), "steps": self.steps.clone()}
+    def get_extra_state(self) -> Tensor:
+        """All that an exact resume needs; the rest of ``state_dict`` is what was learned."""
+        return pack({"agent": self.agent.snapshot(), "steps": self.steps})
 
-    def set_extra_state(self, state: dict[str, Any]) -> None:
+    def set_extra_state(self, state: Tensor) -> None:
+        state = unpack(state)
         self.agent.restore(state["agent"])
         self.steps.copy_(state["steps"])

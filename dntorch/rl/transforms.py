@@ -1,12 +1,17 @@
 """What has to survive from one control step to the next, and over resets."""
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
 from torchrl.data import Composite, Unbounded
 from torchrl.envs import GymWrapper
 from torchrl.envs.transforms import TensorDictPrimer, Transform
+
+from dntorch.experiments import checkpoint
 
 
 class LastReward(Transform):
@@ -112,13 +117,14 @@ class Resumable(Transform):
             self.shown = tensordict_reset.where(mask.squeeze(-1), kept)
         return tensordict_reset
 
-    def get_extra_state(self) -> dict[str, Any]:
+    def get_extra_state(self) -> Tensor:
         if self.shown is None:
-            return {}
-        shown = self.shown.exclude("reward").clone().to_dict()
-        return {"world": self.world.state_dict(), "shown": shown}
+            return pack({})
+        shown = self.shown.exclude("reward").to_dict()
+        return pack({"world": self.world.state_dict(), "shown": shown})
 
-    def set_extra_state(self, state: dict[str, Any]) -> None:
+    def set_extra_state(self, state: Tensor) -> None:
+        state = unpack(state)
         if not state:
             return
         shown = TensorDict(state["shown"], batch_size=self.parent.batch_size)
@@ -126,3 +132,19 @@ class Resumable(Transform):
         collector = self.collector
         if collector is not None:
             collector.reset()  # which shows the policy what is pending
+
+
+def pack(content: dict[str, Any]) -> Tensor:
+    """A checkpoint as bytes: collectors send states between processes as tensors only."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "state.pt")
+        checkpoint.save(path, content)
+        return torch.frombuffer(bytearray(path.read_bytes()), dtype=torch.uint8)
+
+
+def unpack(packed: Tensor) -> dict[str, Any]:
+    """The content of `pack`, without running any code that it might bring."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "state.pt")
+        path.write_bytes(packed.numpy().tobytes())
+        return checkpoint.load(path)
