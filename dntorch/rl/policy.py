@@ -37,8 +37,8 @@ class AgentPolicy(TensorDictModuleBase):
     * in buffers (the default): ``policy.agent`` itself learns. For one process, and for
       processes that each build a policy of their own (``policy_factory=``).
     * in the tensordict (``carried=True``), under ``agent``, beside the seed of exploration:
-      ``policy.agent`` stays as it is. For collectors that share or send policies. The env needs ``policy.primer()``;
-      ``policy.adopt(batch)`` gives the agent what was learned.
+      ``policy.agent`` stays as it is. For collectors that share or send policies. The env
+      needs ``policy.primer()``; ``policy.adopt(batch)`` gives the agent what was learned.
 
     Args:
         agent: a `DNSarsa`, with a batch if the env has one (then with values of its own for
@@ -206,11 +206,11 @@ class AgentPolicy(TensorDictModuleBase):
 
     # ------------------------------------------------------------- checkpoints
 
-    def get_extra_state(self) -> Tensor:
+    def get_extra_state(self) -> dict[str, Tensor]:
         """All that an exact resume needs; the rest of ``state_dict`` is what was learned."""
         return pack({"agent": self.agent.snapshot(), "steps": self.steps})
 
-    def set_extra_state(self, state: Tensor) -> None:
-        state = unpack(state)
-        self.agent.restore(state["agent"])
-        self.steps.copy_(state["steps"])
+    def set_extra_state(self, state: dict[str, Tensor]) -> None:
+        content = unpack(state)
+        self.agent.restore(content["agent"])
+        self.steps.copy_(content["steps"])

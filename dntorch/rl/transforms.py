@@ -117,34 +117,34 @@ class Resumable(Transform):
             self.shown = tensordict_reset.where(mask.squeeze(-1), kept)
         return tensordict_reset
 
-    def get_extra_state(self) -> Tensor:
+    def get_extra_state(self) -> dict[str, Tensor]:
         if self.shown is None:
             return pack({})
         shown = self.shown.exclude("reward").to_dict()
         return pack({"world": self.world.state_dict(), "shown": shown})
 
-    def set_extra_state(self, state: Tensor) -> None:
-        state = unpack(state)
-        if not state:
+    def set_extra_state(self, state: dict[str, Tensor]) -> None:
+        content = unpack(state)
+        if not content:
             return
-        shown = TensorDict(state["shown"], batch_size=self.parent.batch_size)
-        self.pending = {"world": state["world"], "shown": shown}
+        shown = TensorDict(content["shown"], batch_size=self.parent.batch_size)
+        self.pending = {"world": content["world"], "shown": shown}
         collector = self.collector
         if collector is not None:
             collector.reset()  # which shows the policy what is pending
 
 
-def pack(content: dict[str, Any]) -> Tensor:
-    """A checkpoint as bytes: collectors send states between processes as tensors only."""
+def pack(content: dict[str, Any]) -> dict[str, Tensor]:
+    """A checkpoint as bytes: collectors send nothing between processes but dicts of tensors."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "state.pt")
         checkpoint.save(path, content)
-        return torch.frombuffer(bytearray(path.read_bytes()), dtype=torch.uint8)
+        return {"bytes": torch.frombuffer(bytearray(path.read_bytes()), dtype=torch.uint8)}
 
 
-def unpack(packed: Tensor) -> dict[str, Any]:
+def unpack(packed: dict[str, Tensor]) -> dict[str, Any]:
     """The content of `pack`, without running any code that it might bring."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "state.pt")
-        path.write_bytes(packed.numpy().tobytes())
+        path.write_bytes(packed["bytes"].numpy().tobytes())
         return checkpoint.load(path)

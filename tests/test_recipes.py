@@ -1,0 +1,76 @@
+"""Recipes run as their headers say, with a tiny budget, and print what a reader can check."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RECIPES = Path(__file__).parents[1] / "recipes"
+
+
+def run(name: str, *arguments: object) -> str:
+    done = subprocess.run(
+        [sys.executable, RECIPES / name, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=400,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    return done.stdout
+
+
+def test_a_collector_equals_the_plain_loop_and_resumes(tmp_path: Path) -> None:
+    printed = run("collector.py", "--steps", 300, "--out", tmp_path)
+    assert "step 300:" in printed and "equal to the plain loop: True" in printed
+
+
+@pytest.mark.parametrize("name", ["collector_sync", "collector_async", "collector_ray"])
+def test_agents_in_processes_equal_the_plain_loop(name: str) -> None:
+    printed = run(f"{name}.py", "--steps", 200, "--workers", 2)
+    for seed in (1, 2):
+        assert re.search(rf"seed {seed}: .* equal to the plain loop: True", printed), printed
+
+
+def test_a_field_learns_to_remember_a_flash() -> None:
+    shares = re.findall(r"(\d+)% right, peak in the dark ([\d.]+)", run("field_actor.py"))
+    (before, faint), (after, held) = shares[0], shares[-1]
+    assert int(before) < 70 and float(faint) < 0.1
+    assert int(after) > 90 and float(held) > 0.9
+
+
+def test_a_cart_calls_at_stations() -> None:
+    printed = run("own_world.py", "--explore", 2000, "--exploit", 2000)
+    calls = list(map(int, re.findall(r"(\d+) calls", printed)))
+    assert len(calls) == 2 and min(calls) > 15
+    assert "values, rows" in printed
+
+
+def test_the_memory_is_a_trace() -> None:
+    printed = run("trace_sarsa.py", "--decisions", 400, "--seeds", 32)
+    decay = float(re.search(r"tau\) = ([\d.]+)", printed)[1])
+    ratios = list(map(float, re.findall(r"s: ([\d.]+)", printed)))
+    assert len(ratios) == 4 and all(abs(ratio - decay) < 0.02 for ratio in ratios)
+    optimal = dict(re.findall(r"^(.*?): (\d+) of 32 optimal", printed, re.MULTILINE))
+    assert int(optimal["item-and-order memory"]) > 10 and int(optimal["textbook trace"]) > 10
+    assert int(optimal["no trace, lambda = 0"]) == 0
+
+
+def test_many_seeds_ends_when_no_seed_is_left(tmp_path: Path) -> None:
+    printed = run(
+        "many_seeds.py", "--steps", 60, "--explore", 40, "--most", 1, "--processes", 1,
+        "--out", tmp_path,
+    )  # fmt: skip
+    assert "1 seeds, 0 found it" in printed
+
+
+def test_each_recipe_is_run_here_and_stands_alone() -> None:
+    tested = Path(__file__).read_text()
+    for path in RECIPES.glob("*.py"):
+        text = path.read_text()
+        assert f"{path.stem}.py" in tested or f'"{path.stem}"' in tested, path.name
+        assert len(text.splitlines()) <= 150 and "from recipes" not in text
+        assert f"python recipes/{path.name}" in text  # how to run it
