@@ -1,5 +1,6 @@
 """Populations equal single runs; what `reproduce` writes, and how it goes on."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,11 @@ import torch
 
 from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import SequenceTask
+from dntorch.experiments.claims import NO, UNTESTABLE, YES, claims, write_page
 from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.population import Group, Population
+from dntorch.experiments.reproduce import plain, reproduce
+from dntorch.experiments.reproduce_figures import draw
 from dntorch.experiments.trial import Trial
 from dntorch.experiments.variants import VARIANTS
 from dntorch.noise import Exploration
@@ -146,17 +150,59 @@ BRIEF = Config(world="nodes", steps=400, explore=400, seed=2, sequence="GB")
 
 
 @pytest.fixture(scope="module")
-def plain() -> dict:
+def unchanged() -> dict:
     return events(Group(BRIEF, (0, 1, 2, 3)))
 
 
 @pytest.mark.parametrize("variant", sorted(set(VARIANTS) - {""}))
-def test_every_variant_runs_and_differs(variant: str, plain: dict) -> None:
+def test_every_variant_runs_and_differs(variant: str, unchanged: dict) -> None:
     changed = events(Group(BRIEF, (0, 1, 2, 3), variant))
-    same = {k: np.array_equal(plain[k], changed[k], equal_nan=True) for k in plain}
+    same = {k: np.array_equal(unchanged[k], changed[k], equal_nan=True) for k in unchanged}
     assert not (same["weights_end"] and same["onset"])
 
 
 def test_unknown_variant() -> None:
     with pytest.raises(ValueError, match="variant='x' is unknown: choose from"):
         Population(Group(SHORT, (0,), "x"), compiled=False)
+
+
+TINY = Config(world="nodes", steps=900, explore=600, seed=2, sequence="GB")
+LEARNERS = ("neural", "sarsa", "td0", "neural_single_item")
+
+
+@pytest.fixture
+def no_compiler(monkeypatch) -> None:
+    """Worker processes take plain steps: for a few hundred, compiling takes longer."""
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CXX", raising=False)
+
+
+def test_reproduce_writes_what_it_promises(no_compiler, tmp_path) -> None:
+    whole = reproduce(TINY, 4, tmp_path / "whole", processes=2).results
+    results = json.loads((tmp_path / "whole" / "results.json").read_text())
+    assert results["runs"] == 4 and results["seed"] == 2 and results["world"] == "nodes"
+    assert results["dt"] == 1 / 32 and len(results["behaviors_in_exploration"]) == 2
+    for name in LEARNERS:
+        for key in ("found", "optimal_given_found", "optimal_given_not_found"):
+            k, n = results[name][key]
+            assert 0 <= k <= n <= 4
+        assert {"median", "quartiles"} <= results[name]["behaviors_to_optimal"].keys()
+    law = {"r2", "next_coefficient", "old_coefficient", "reward_coefficient", "transitions"}
+    assert law <= results["update_regression"].keys()
+    assert np.shape(results["transition_counts"]) == (4, 4, 4)
+    assert "yoked_correlation" in results
+    # A part that is missing is made again, to the same numbers.
+    (tmp_path / "whole" / "parts" / "single-1.npz").unlink()
+    again = reproduce(TINY, 4, tmp_path / "whole", processes=2).results
+    different = {"duration_seconds", "commit"}
+    assert {k: plain(v) for k, v in again.items() if k not in different} == {
+        k: plain(v) for k, v in whole.items() if k not in different
+    }
+
+
+def test_the_page_has_a_verdict_for_every_claim(no_compiler, tmp_path) -> None:
+    study = reproduce(TINY, 2, tmp_path, processes=1)
+    page = write_page(study, draw(study, tmp_path), tmp_path, "dntorch reproduce").read_text()
+    made = claims(study)
+    assert len(made) > 15 and {c.verdict for c in made} <= {YES, NO, UNTESTABLE}
+    assert page.count("<tr><td>") == len(made) and (tmp_path / "results.png").exists()
