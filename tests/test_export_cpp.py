@@ -1,5 +1,6 @@
 """The C++ runner: builds with the libtorch of the torch wheel, and tells right from wrong."""
 
+import fcntl
 import os
 import re
 import shutil
@@ -25,9 +26,12 @@ def program() -> Path:
     """Built where ``make cpp`` builds it, so that it is compiled once."""
     build = ROOT / "build" / "cpp"
     prefix = f"-DCMAKE_PREFIX_PATH={torch.utils.cmake_prefix_path}"
-    for command in (["-S", ROOT / "examples" / "cpp", "-B", build, prefix], ["--build", build]):
-        done = subprocess.run(["cmake", *command], capture_output=True, text=True, timeout=500)
-        assert done.returncode == 0, done.stdout + done.stderr
+    build.mkdir(parents=True, exist_ok=True)
+    with (build / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # two runs of the tests build one after the other
+        for command in (["-S", ROOT / "examples" / "cpp", "-B", build, prefix], ["--build", build]):
+            done = subprocess.run(["cmake", *command], capture_output=True, text=True)
+            assert done.returncode == 0, done.stdout + done.stderr
     return build / "run_agent"
 
 
