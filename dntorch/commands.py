@@ -12,6 +12,7 @@ import dntorch as library
 from dntorch import commands_export, commands_reproduce, commands_sweep
 from dntorch.experiments import learn as learning
 from dntorch.experiments.config import WORLDS, Config
+from dntorch.experiments.logs import LOGGERS, open_log
 from dntorch.experiments.trial import Trial
 
 #: A seed with which the default run finds the sequence while it explores.
@@ -107,8 +108,11 @@ dntorch.add_command(commands_sweep.sweep)
     help="Control steps between two checkpoints.",
 )
 @click.option("--video/--no-video", default=True, show_default=True, help="Film the trained agent.")
+@click.option(
+    "--log", type=click.Choice(LOGGERS), help="Log progress, with TorchRL's loggers, in OUT/log."
+)
 @click.pass_context
-def learn(context, out, resume, checkpoint_every, video, camera, **options) -> None:
+def learn(context, out, resume, checkpoint_every, video, log, camera, **options) -> None:
     """Train one agent and write a report.
 
     It explores at random, then exploits what it learned, and learns all along. The folder
@@ -123,10 +127,10 @@ def learn(context, out, resume, checkpoint_every, video, camera, **options) -> N
         folder = _new_folder(out or Path("runs") / f"{config.world}-seed{config.seed}")
         trial = Trial(config)
         trial.save(folder / learning.CHECKPOINT)
-    _train(trial, folder, checkpoint_every, video)
+    _train(trial, folder, checkpoint_every, video, open_log(log, folder) if log else None)
 
 
-def _train(trial: Trial, folder: Path, checkpoint_every: int, video: bool) -> None:
+def _train(trial: Trial, folder: Path, checkpoint_every: int, video: bool, log=None) -> None:
     # A polite request to end (kill, a job scheduler) saves as Ctrl-C does.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     begun_at, config = trial.step, trial.config
@@ -139,6 +143,8 @@ def _train(trial: Trial, folder: Path, checkpoint_every: int, video: bool) -> No
                 refresh=False,
             )  # fmt: skip
             bar.update(steps)
+            if log:
+                log(trial)
 
         try:
             seconds = learning.train(trial, folder, checkpoint_every, progress)
@@ -169,7 +175,7 @@ def _report(trial: Trial, folder: Path, results: dict, video: bool) -> Path:
 
 
 def _refuse_options(context: click.Context) -> None:
-    kept = {"resume", "checkpoint_every", "video"}
+    kept = {"resume", "checkpoint_every", "video", "log"}
     for name in context.params.keys() - kept:
         if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
             option = "--" + name.replace("_", "-")
