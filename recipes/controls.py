@@ -29,7 +29,6 @@ from dntorch.experiments.reproduce import PREDICTIONS, commit, plain
 NUMBERS = [
     Point("default", {}),
     Point("short_trace", {"learner.trace.tau": 0.1}),
-    Point("printed_rest", {"behaviors.intention.h": 5.0, "behaviors.satisfaction.h": 5.0}),
     Point("printed_pairs", {"learner.coincidence_threshold": -1.0}),
     Point("printed_pulse_threshold", {"learner.opposition.pulse_threshold": 0.0}),
     Point("printed_intention_inhibition", {"behaviors.intention.inhibition": 10.0}),
@@ -38,8 +37,10 @@ NUMBERS = [
         "behaviors.satisfaction.excitation": 4.0, "behaviors.satisfaction.inhibition": 0.0}),
     Point("printed_cos_no_rivalry", {"behaviors.satisfaction.inhibition": 0.0}),
 ]  # fmt: skip
-#: Changes of structure: a batch each.
-STRUCTURE = ["single_item", "no_offset", "printed_sigmoid", "printed_value_nodes"]
+#: Changes of structure or of the state at rest: a batch each.
+STRUCTURE = [
+    "single_item", "no_offset", "printed_rest", "printed_sigmoid", "printed_value_nodes"
+]  # fmt: skip
 
 
 def judge(name: str, e: dict, default: dict, expected: dict) -> bool | None:

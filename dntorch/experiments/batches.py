@@ -107,6 +107,11 @@ def run_all(
         try:
             while not all(future.done() for future in futures):
                 progress(sum(shared.steps))
+                failed = [f for f in futures if f.done() and f.exception()]
+                if failed:  # the others save and end; then the error is raised below
+                    shared.stop.set()
+                    pool.shutdown(cancel_futures=True)
+                    failed[0].result()
                 time.sleep(0.3)
         except KeyboardInterrupt:
             shared.stop.set()
