@@ -47,6 +47,14 @@ CASES: dict[str, tuple[Callable[[], Dynamics], tuple[Callable, ...]]] = {
 }
 
 
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
 def test_no_public_structure_is_forgotten() -> None:
     public = [getattr(dntorch, name) for name in dntorch.__all__]
     structures = {x.__name__ for x in public if inspect.isclass(x) and issubclass(x, Dynamics)}
