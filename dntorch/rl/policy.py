@@ -7,6 +7,7 @@ from torch import Tensor
 from torch.utils import _pytree as pytree
 from torchrl.data import Composite, Unbounded
 
+from dntorch.dynamics import Dynamics
 from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
 from dntorch.rl.transforms import AgentPrimer, pack, unpack
@@ -79,6 +80,7 @@ class AgentPolicy(TensorDictModuleBase):
         leaves, self.structure = pytree.tree_flatten_with_path(agent.state)
         self.names = [pytree.keystr(path) for path, _ in leaves]
         self.names = [name.replace("['", ".").replace("']", "").lstrip(".") for name in self.names]
+        self.holders = [holder(agent, name) for name in self.names]
         self.in_keys = [observation, "last_reward", "is_init"]
         self.spec = self._spec(batch)
         self.out_keys = list(self.spec.keys())
@@ -148,8 +150,9 @@ class AgentPolicy(TensorDictModuleBase):
 
     def _recall(self, tensordict: TensorDictBase) -> tuple[AgentState, Tensor, Tensor | None]:
         if not self.carried:
-            self._refuse_shared_memory()
-            return self.agent.state, self.steps.clone(), None
+            self._refuse_shared_memory()  # the step reads buffers and writes none: no copies
+            state = pytree.tree_unflatten(self._held(), self.structure)
+            return state, self.steps, None
         kept = tensordict.get(self.KEPT, None)
         missing = [
             k for k in [*self.names, "steps", "seed"] if kept is None or k not in kept.keys()
@@ -168,8 +171,13 @@ class AgentPolicy(TensorDictModuleBase):
         if self.carried:
             tensordict.set(("next", self.KEPT), self._pack(state, steps, seed))
         else:
-            self.agent.state = state
+            for buffer, value in zip(self._held(), pytree.tree_leaves(state)):
+                buffer.copy_(value.detach())
             self.steps.copy_(steps)
+
+    def _held(self) -> list[Tensor]:
+        """The buffers that hold the agent's state, in the order of its leaves."""
+        return [getattr(part, attribute) for part, attribute in self.holders]
 
     def _pack(self, state: AgentState, steps: Tensor, seed: Tensor) -> TensorDict:
         content = dict(zip(self.names, pytree.tree_leaves(state)))
@@ -214,3 +222,11 @@ class AgentPolicy(TensorDictModuleBase):
         content = unpack(state)
         self.agent.restore(content["agent"])
         self.steps.copy_(content["steps"])
+
+
+def holder(agent: DNSarsa, name: str) -> tuple[Dynamics, str]:
+    """The structure and its attribute that hold one field of the agent's state."""
+    path, _, attribute = name.rpartition(".")
+    part = agent.get_submodule(path)
+    inner = getattr(part, attribute)
+    return (inner, "u") if isinstance(inner, Dynamics) else (part, attribute)

@@ -1,0 +1,61 @@
+"""Cost of a control step through TorchRL's Collector, as a ratio to the plain loop.
+
+    python benchmarks/collector.py [--rounds 30] [--steps 50]
+
+On camera images of the PyBullet world, and in the abstract world where next to nothing but the
+overhead is left. Plain loop and collectors take turns in one run on one thread; ratios of
+median CPU times. Both record what happened. Half a minute.
+"""
+
+import argparse
+import statistics
+import time
+
+import torch
+from torchrl.collectors import Collector
+
+from dntorch.experiments.config import Config, build_agent, build_exploration
+from dntorch.experiments.trial import Trial
+from dntorch.rl import AgentPolicy, epuck, nodes
+
+
+def collector(config: Config, frames: int, carried: bool):
+    make, observation = (epuck, "image") if config.world == "epuck" else (nodes, "match")
+    agent, exploration = build_agent(config), build_exploration(config)
+    policy = AgentPolicy(agent, config.explore, exploration, observation, carried)
+    env = make(config, policy.primer() if carried else None)
+    batches = iter(Collector(env, policy, frames_per_batch=frames, total_frames=-1))
+    return lambda: next(batches)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=30)
+    parser.add_argument("--steps", type=int, default=50, help="in each turn")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(True)
+    frames = arguments.steps
+    for world in ("epuck", "nodes"):
+        config = Config(world=world)
+        trial = Trial(config)
+        ways = {
+            "plain loop": lambda trial=trial: trial.advance(frames),
+            "state in buffers": collector(config, frames, carried=False),
+            "state in the tensordict": collector(config, frames, carried=True),
+        }
+        times: dict[str, list[float]] = {name: [] for name in ways}
+        for turn in range(arguments.rounds + 2):
+            for name, way in ways.items():
+                began = time.process_time()
+                way()
+                if turn >= 2:
+                    times[name].append((time.process_time() - began) / frames)
+        medians = {name: statistics.median(values) for name, values in times.items()}
+        print(f"{world}: CPU time of a control step")
+        for name, seconds in medians.items():
+            print(f"  {name:24} {1e6 * seconds:7.0f} us {seconds / medians['plain loop']:6.2f} x")
+
+
+if __name__ == "__main__":
+    main()
