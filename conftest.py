@@ -1,5 +1,10 @@
 """Settings of the test suite."""
 
+import os
+
+# Two processes of tests with two threads each would fight over two cores; before torch loads.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import pytest
 import torch
 from hypothesis import settings
@@ -11,6 +16,7 @@ settings.load_profile("fixed")
 #: Tests that may be skipped, and why: nothing else is skipped unseen by `make test`.
 MAY_SKIP = {
     "tests/test_dnfc_data.py": "third-party field runs that are not part of this repository",
+    "tests/test_export_cpp.py": "needs a C++ compiler",
 }
 
 

@@ -131,8 +131,10 @@ def learn(context, out, resume, checkpoint_every, video, log, camera, **options)
 
 
 def _train(trial: Trial, folder: Path, checkpoint_every: int, video: bool, log=None) -> None:
-    # A polite request to end (kill, a job scheduler) saves as Ctrl-C does.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # A polite request to end (kill, a job scheduler) saves as Ctrl-C does; a run in the
+    # background begins with Ctrl-C ignored.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     begun_at, config = trial.step, trial.config
     with tqdm(total=config.steps, initial=begun_at, unit="step", smoothing=0.1) as bar:
 

@@ -48,11 +48,13 @@ def run(*arguments: object, **options) -> subprocess.CompletedProcess:
 @pytest.fixture
 def process_settings():
     """Put back what the command line sets for its process."""
-    threads, term = torch.get_num_threads(), signal.getsignal(signal.SIGTERM)
+    threads = torch.get_num_threads()
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     yield
     torch.set_num_threads(threads)
     torch.set_flush_denormal(False)
-    signal.signal(signal.SIGTERM, term)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 @pytest.mark.parametrize("world", WORLDS)
@@ -136,16 +138,15 @@ def test_a_run_killed_five_times_ends_as_the_uninterrupted_one(tmp_path: Path) -
 
 def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-m", "dntorch.cli", "learn", "--world", "nodes", "--out", str(out)],
         stderr=subprocess.PIPE,
         text=True,
-    )
-    while not (out / "checkpoint.pt").exists():
-        time.sleep(0.01)
-    time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    ) as process:
+        while b"behaviors=" not in os.read(process.stderr.fileno(), 4096):  # the run has begun
+            pass
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert f"--resume {out}" in errors and "Traceback" not in errors
     assert Trial.load(out / "checkpoint.pt").step > 0

@@ -81,3 +81,11 @@ def test_a_recipe_stands_alone(path: Path) -> None:
 
 def test_there_are_recipes_to_test() -> None:
     assert len(TESTED) >= 8
+
+
+def test_substeps_prints_a_line_each(tmp_path: Path) -> None:
+    printed = run(
+        "substeps.py", "--runs", 2, "--steps", 40, "--explore", 20, "--processes", 1,
+        "--out", tmp_path,
+    )  # fmt: skip
+    assert re.findall(r"^(\d) sub-steps: found 0 of 2", printed, re.MULTILINE) == ["1", "2", "4"]

@@ -146,7 +146,7 @@ def test_learning_can_end_with_exploration() -> None:
     assert abs(result["weights_end"]).max() > 0
 
 
-BRIEF = Config(world="nodes", steps=400, explore=400, seed=2, sequence="GB")
+BRIEF = Config(world="nodes", steps=1200, explore=1200, seed=2, sequence="GB")
 
 
 @pytest.fixture(scope="module")

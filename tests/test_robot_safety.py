@@ -228,7 +228,8 @@ def test_motion_after_a_reconnect_waits_for_a_frame_of_the_new_link():
 
 
 PROGRAM = """
-import os, sys, time, types
+import os, signal, sys, time, types
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in background
 package = sys.modules["dntorch"] = types.ModuleType("dntorch")  # no need to wait for torch
 package.__path__ = [{path!r}]
 from dntorch.robot.clock import RealClock
