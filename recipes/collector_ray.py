@@ -43,6 +43,7 @@ def main() -> None:
     collector = RayCollector(
         [partial(epuck, config) for config in configs],
         policy_factory=[partial(build_policy, config) for config in configs],
+        collector_kwargs=[{} for _ in configs],  # one dict for all would give all the last policy
         frames_per_batch=workers * steps // 5,
         total_frames=workers * steps,
         sync=True,
