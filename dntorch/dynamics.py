@@ -54,8 +54,8 @@ class Dynamics(nn.Module):
 
         The only method that changes the shape of a buffer. Long-term memory stays as it is.
         """
+        state = self.initial(list(batch))  # may refuse: before anything changes
         self.register_buffer("origin", self.origin.new_zeros(batch), persistent=False)
-        state = self.initial(list(batch))
         named = state if isinstance(state, dict) else state._asdict()
         for name, value in named.items():
             part = getattr(self, name, None)

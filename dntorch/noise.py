@@ -76,11 +76,21 @@ class Exploration:
         if not amplitude > 0:
             raise ValueError(f"amplitude={amplitude} must be positive: for none, pass zeros")
         self.n, self.seed, self.amplitude = n, seed, amplitude
-        self.agents = torch.as_tensor(agents)
+        self.agents = torch.as_tensor(list(agents) if isinstance(agents, range) else agents)
         self.last: tuple[Tensor, torch.dtype] | None = None
 
     def __call__(self, decisions: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
-        """Noise ``(*batch, n, n)`` for the number of decisions each agent has taken."""
+        """Noise ``(*batch, n, n)`` for the number of decisions each agent has taken.
+
+        Raises:
+            ValueError: decisions of another batch than that of the agents.
+        """
+        if decisions.shape != self.agents.shape:
+            raise ValueError(
+                f"decisions of shape {list(decisions.shape)} do not fit the agents of shape "
+                f"{list(self.agents.shape)}: number each agent, as Exploration(n, seed, "
+                "agents=range(batch))"
+            )
         if self.last is None or self.last[1] != dtype or not torch.equal(self.last[0], decisions):
             agents = self.agents.to(decisions.device)
             draws = keyed_uniform(self.seed, agents, decisions, self.n * self.n, self.STREAM)
