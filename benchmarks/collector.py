@@ -19,12 +19,12 @@ from dntorch.experiments.trial import Trial
 from dntorch.rl import AgentPolicy, epuck, nodes
 
 
-def collector(config: Config, frames: int, carried: bool):
+def collector(config: Config, frames: int, carried: bool = False, **options):
     make, observation = (epuck, "image") if config.world == "epuck" else (nodes, "match")
     agent, exploration = build_agent(config), build_exploration(config)
     policy = AgentPolicy(agent, config.explore, exploration, observation, carried)
     env = make(config, policy.primer() if carried else None)
-    batches = iter(Collector(env, policy, frames_per_batch=frames, total_frames=-1))
+    batches = iter(Collector(env, policy, frames_per_batch=frames, total_frames=-1, **options))
     return lambda: next(batches)
 
 
@@ -41,7 +41,8 @@ def main() -> None:
         trial = Trial(config)
         ways = {
             "plain loop": lambda trial=trial: trial.advance(frames),
-            "state in buffers": collector(config, frames, carried=False),
+            "state in buffers": collector(config, frames),
+            "without trajectory ids": collector(config, frames, track_traj_ids=False),
             "state in the tensordict": collector(config, frames, carried=True),
         }
         times: dict[str, list[float]] = {name: [] for name in ways}

@@ -253,3 +253,21 @@ def test_a_primer_forgets_when_it_is_told_to() -> None:
     assert env.reset()["agent", "steps"] == 20
     primer.forget()
     assert env.reset()["agent", "steps"] == 0
+
+
+# ------------------------------------------------------------------ logging
+
+
+@pytest.mark.parametrize("kind", ["csv", "tensorboard"])
+def test_a_run_is_logged_with_torchrl(kind: str, tmp_path: Path) -> None:
+    from dntorch.experiments.learn import train
+    from dntorch.experiments.logs import open_log
+
+    trial, log = Trial(Config(world="nodes", steps=200, explore=200)), open_log(kind, tmp_path)
+    train(trial, tmp_path, progress=lambda trial, steps: log(trial))
+    files = {path.name: path for path in (tmp_path / "log").rglob("*") if path.is_file()}
+    if kind == "csv":
+        lines = files["behaviors.csv"].read_text().split()
+        assert lines[-1] == f"200,{float(len(trial.record.behaviors))}"
+    else:
+        assert any("tfevents" in name for name in files)
