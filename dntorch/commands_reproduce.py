@@ -12,7 +12,7 @@ from dntorch.experiments import checkpoint
 from dntorch.experiments.config import WORLDS, Config
 
 if TYPE_CHECKING:
-    from dntorch.experiments.reproduce import Study
+    from dntorch.studies.study import Study
 
 OPTIONS = "options.pt"
 """What a folder was begun with."""
@@ -66,7 +66,7 @@ def reproduce(context, world, runs, seed, explore, steps, processes, out, resume
 
 
 def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
-    from dntorch.experiments import reproduce as reproducing  # scipy takes its time
+    from dntorch.studies import reproduce as reproducing  # scipy takes its time
 
     # A polite request to end (kill, a job scheduler) saves as Ctrl-C does.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -83,8 +83,8 @@ def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
 
 
 def _report(study: "Study", folder: Path, command: str) -> None:
-    from dntorch.experiments.claims import claims, write_page
-    from dntorch.experiments.reproduce_figures import draw
+    from dntorch.studies.claims import claims, write_page
+    from dntorch.studies.figures import draw
 
     click.echo("drawing figures ...", err=True)
     page = write_page(study, draw(study, folder), folder, command)

@@ -3,8 +3,8 @@
 Controls: a trace of one item (TD(0)), a trace too short, no learning in exploitation, no
 offset pulse. Misprints: each printed number or formula that the library deviates from
 (docs/deviations.md), put back alone. 200 runs each of 100,000 steps in the abstract world;
-prints a line a control beside what docs/predictions.json expects of it. About 10 minutes on
-two idle cores, resumable. Source: section IV.A and the equations of Kazerounian, Luciw,
+prints a line a control and whether it failed as dntorch/studies/predictions.json says. Two
+minutes on two idle cores, resumable. Source: section IV.A and the equations of Kazerounian, Luciw,
 Richter and Sandamirskaya, "Autonomous Reinforcement of Behavioral Sequences in Neural
 Dynamics".
 
@@ -12,18 +12,18 @@ Dynamics".
 """
 
 import argparse
-import json
 from pathlib import Path
 
 from tqdm import tqdm
 
-from dntorch.experiments.batches import Job, run_groups
-from dntorch.experiments.checkpoint import write_atomically
 from dntorch.experiments.config import Config
-from dntorch.experiments.measures import neural_outcome, proportion, runs_from_events
-from dntorch.experiments.points import Point, entry, job
-from dntorch.experiments.population import Group
-from dntorch.experiments.reproduce import PREDICTIONS, commit, plain
+from dntorch.experiments.results import commit, write_json
+from dntorch.studies.batches import Job, run_groups
+from dntorch.studies.group import Group
+from dntorch.studies.outcomes import neural_outcome, proportion
+from dntorch.studies.points import Point, entry, job
+from dntorch.studies.predictions import predictions
+from dntorch.studies.runs import runs_from_events
 
 #: Changes of numbers: all in one batch.
 NUMBERS = [
@@ -97,7 +97,7 @@ def main() -> None:
     result, _, _ = neural_outcome(runs_from_events(frozen, a.runs), config)
     table["no_learning_in_exploitation"]["late"] = proportion(result.late, result.found)
 
-    expected = json.loads(PREDICTIONS.read_text())["controls"]
+    expected = predictions("controls")
     for name, e in table.items():
         e["as_predicted"] = judge(name, e, table["default"], expected.get(name, {}))
         k, n = e["optimal_given_found"]
@@ -106,8 +106,7 @@ def main() -> None:
               f"{e['steps_without_state']:8.1f}  largest |W| {e['largest_weight']:9.3g}  "
               f"as predicted: {e['as_predicted']}")  # fmt: skip
     content = {"runs": a.runs, "seed": a.seed, "commit": commit(), "controls": table}
-    text = json.dumps(plain(content), indent=1) + "\n"
-    write_atomically(a.out / "controls.json", lambda file: file.write(text.encode()))
+    write_json(a.out / "controls.json", content)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ draws one figure. About 15 minutes on two idle cores, resumable.
 """
 
 import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,20 +21,15 @@ from tqdm import tqdm
 
 from dntorch.colors import HUES, indices
 from dntorch.envs.task import SequenceTask
-from dntorch.experiments import discrete
-from dntorch.experiments.batches import Job, run_groups
-from dntorch.experiments.checkpoint import write_atomically
 from dntorch.experiments.config import Config
-from dntorch.experiments.measures import (
-    Runs,
-    describe,
-    neural_outcome,
-    outcome,
-    runs_from_events,
-)
-from dntorch.experiments.population import Group
-from dntorch.experiments.reproduce import commit, plain, theory_of
-from dntorch.experiments.statistics import wilson
+from dntorch.experiments.results import commit, write_json
+from dntorch.studies import discrete
+from dntorch.studies.batches import Job, run_groups
+from dntorch.studies.comparison import theory_of
+from dntorch.studies.group import Group
+from dntorch.studies.outcomes import describe, neural_outcome, outcome
+from dntorch.studies.runs import Runs, runs_from_events
+from dntorch.studies.statistics import wilson
 
 #: Repertoire and rewarded sequences; the first column names the row of the figure.
 POINTS = [
@@ -153,8 +147,7 @@ def main() -> None:
               f"  discrete, same exploration {y / max(m, 1):.2f}  behaviours to optimal "
               f"{row['behaviors_to_optimal']['median']}")  # fmt: skip
     content = {"runs": a.runs, "seed": a.seed, "commit": commit(), "points": rows}
-    text = json.dumps(plain(content), indent=1) + "\n"
-    write_atomically(a.out / "reach.json", lambda file: file.write(text.encode()))
+    write_json(a.out / "reach.json", content)
     draw(rows).savefig(a.out / "reach.png", dpi=100, facecolor="white")
 
 

@@ -9,19 +9,17 @@ bound is at least .90. About 15 minutes on two idle cores, resumable.
 """
 
 import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from dntorch.experiments.batches import Job, run_groups
-from dntorch.experiments.checkpoint import write_atomically
 from dntorch.experiments.config import Config
-from dntorch.experiments.points import Point, default, entry, job
-from dntorch.experiments.population import Group
-from dntorch.experiments.reproduce import commit, plain
+from dntorch.experiments.results import commit, write_json
+from dntorch.studies.batches import Job, run_groups
+from dntorch.studies.group import Group
+from dntorch.studies.points import Point, default, entry, job
 
 SWEEPS = {
     "learning rate (1/s)": (
@@ -115,8 +113,7 @@ def main() -> None:
             print(f"{title:24} {row['value']!s:12} found {n:4}  optimal given found {k:4}  "
                   f"lower bound {row['optimal_given_found_interval'][0]:.3f}{mark}")  # fmt: skip
     content = {"runs": a.runs, "seed": a.seed, "commit": commit(), "sweeps": table}
-    text = json.dumps(plain(content), indent=1) + "\n"
-    write_atomically(a.out / "sensitivity.json", lambda file: file.write(text.encode()))
+    write_json(a.out / "sensitivity.json", content)
     draw(table, config).savefig(a.out / "sensitivity.png", dpi=100, facecolor="white")
 
 

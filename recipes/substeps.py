@@ -14,10 +14,10 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from dntorch.experiments.batches import Job, run_groups
 from dntorch.experiments.config import Config
-from dntorch.experiments.points import entry
-from dntorch.experiments.population import Group
+from dntorch.studies.batches import Job, run_groups
+from dntorch.studies.group import Group
+from dntorch.studies.points import entry
 
 
 def main() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dntorch.experiments.discrete import (
+from dntorch.studies.discrete import (
     Learner,
     Learning,
     executes,

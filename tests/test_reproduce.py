@@ -9,14 +9,16 @@ import torch
 
 from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import SequenceTask
-from dntorch.experiments.claims import NO, UNTESTABLE, YES, claims, write_page
 from dntorch.experiments.config import Config, build_agent
-from dntorch.experiments.population import Group, Population
-from dntorch.experiments.reproduce import plain, reproduce
-from dntorch.experiments.reproduce_figures import draw
+from dntorch.experiments.results import plain
 from dntorch.experiments.trial import Trial
-from dntorch.experiments.variants import VARIANTS
 from dntorch.noise import Exploration
+from dntorch.studies.claims import NO, UNTESTABLE, YES, claims, write_page
+from dntorch.studies.figures import draw
+from dntorch.studies.group import Group
+from dntorch.studies.population import Population
+from dntorch.studies.reproduce import reproduce
+from dntorch.studies.variants import VARIANTS
 
 SHORT = Config(world="nodes", steps=2000, explore=1400, seed=11)
 

@@ -5,18 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from dntorch.experiments import statistics as st
 from dntorch.experiments.config import Config
-from dntorch.experiments.measures import (
-    correlation,
-    match,
-    outcome,
-    policies,
-    runs_from_events,
-    transition_counts,
-)
 from dntorch.modules.transient import TPCell
 from dntorch.modules.working_memory import ItemOrderWM
+from dntorch.studies import statistics as st
+from dntorch.studies.law import correlation, transition_counts
+from dntorch.studies.outcomes import outcome, policies
+from dntorch.studies.runs import match, runs_from_events
 
 
 def test_wilson() -> None:

@@ -89,9 +89,7 @@ class NodesWorld:
         begun = on & (choice != state.target)
         target = torch.where(begun, choice, state.target)
         visits = state.visits + begun
-        duration = state.duration
-        if begun.any():
-            duration = torch.where(begun, self.draw(visits), duration)
+        duration = self.renew(begun, visits, state.duration)
         on = on & (choice == target)
         absent = torch.where(on, 0, state.absent + 1)
         sought = torch.where(begun, 0, state.sought) + (absent <= self.linger)
@@ -104,6 +102,12 @@ class NodesWorld:
             NodesStep(observation.to(intention.dtype), reward, found, completed),
             NodesState(target, duration, sought, absent, visits, task),
         )
+
+    def renew(self, begun: Tensor, visits: Tensor, duration: Tensor) -> Tensor:
+        """Durations, drawn anew where a visit has begun."""
+        if not begun.any():
+            return duration
+        return torch.where(begun, self.draw(visits), duration)
 
     def draw(self, visits: Tensor) -> Tensor:
         """Steps until the object of a visit is in view."""

@@ -36,9 +36,11 @@ class SequenceTask:
         reward: size of the reward signal, per step (not per second).
         duration: its length in seconds ("a few time steps" in the paper).
         dt: seconds a control step.
+        others: further sequences of the same length, rewarded alike.
 
     Raises:
-        ValueError: unknown or repeated letters, ``duration`` shorter than a step.
+        ValueError: unknown or repeated letters, sequences of different lengths, ``duration``
+            shorter than a step.
     """
 
     def __init__(
@@ -48,9 +50,12 @@ class SequenceTask:
         reward: float = 2.0,
         duration: float = 1.0,
         dt: float = 1 / 32,
+        others: tuple[str, ...] = (),
     ) -> None:
         self.sequence, self.colors, self.reward, self.dt = sequence, colors, reward, dt
-        self.target = torch.tensor(indices(sequence, colors))
+        if any(len(other) != len(sequence) for other in others):
+            raise ValueError(f"others={others}: give sequences as long as {sequence!r}")
+        self.targets = torch.tensor([indices(each, colors) for each in (sequence, *others)])
         self.steps = round(duration / dt)
         if self.steps < 1:
             raise ValueError(f"duration={duration} is shorter than a step: give at least dt={dt}")
@@ -81,7 +86,8 @@ class SequenceTask:
         found = found.unsqueeze(-1)
         shifted = torch.cat((state.recent[..., 1:], found), dim=-1)
         recent = torch.where(found == NOTHING, state.recent, shifted)
-        completed = (found[..., 0] != NOTHING) & (recent == self.target).all(-1)
+        matched = (recent.unsqueeze(-2) == self.targets).all(-1).any(-1)
+        completed = (found[..., 0] != NOTHING) & matched
         remaining = torch.where(completed, self.steps, state.remaining)
         reward = self.reward * (remaining > 0).to(torch.get_default_dtype())
         return reward, completed, TaskState(recent, (remaining - 1).clamp_min(0))

@@ -1,6 +1,5 @@
 """The learning command: train one agent, keep checkpoints, write down what happened."""
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -12,6 +11,8 @@ import numpy as np
 import dntorch
 from dntorch.envs.task import SequenceTask
 from dntorch.experiments.checkpoint import write_atomically
+from dntorch.experiments.requests import postponed
+from dntorch.experiments.results import write_json
 from dntorch.experiments.trial import Trial
 
 CHECKPOINT, RESULTS, RECORD = "checkpoint.pt", "results.json", "record.npz"
@@ -31,21 +32,23 @@ def train(
     Returns the seconds it took.
 
     A run that is killed loses what came after its last checkpoint, and finds the same again
-    when it is resumed. Ctrl-C saves first.
+    when it is resumed. One that is asked to end saves first.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C or SIGTERM came, and the run is saved where it stands.
     """
     began, end = time.monotonic(), min(until or trial.config.steps, trial.config.steps)
-    try:
-        while trial.step < end:
+    with postponed() as asked:
+        while trial.step < end and not asked():
             before = trial.step
             until_save = save_every - before % save_every
             trial.advance(min(PORTION, until_save, end - before))
             if progress:
                 progress(trial, trial.step - before)
-            if trial.step % save_every == 0 or trial.step == end:
+            if trial.step % save_every == 0 or trial.step == end or asked():
                 trial.save(folder / CHECKPOINT)
-    except KeyboardInterrupt:
-        trial.save(folder / CHECKPOINT)
-        raise
+        if asked():
+            raise KeyboardInterrupt
     return time.monotonic() - began
 
 
@@ -80,7 +83,6 @@ def results(trial: Trial, steps_taken: int, seconds: float) -> dict[str, Any]:
 
 def write_results(trial: Trial, folder: Path, content: dict[str, Any]) -> None:
     """Write ``results.json`` and ``record.npz``."""
-    text = json.dumps(content, indent=1) + "\n"
-    write_atomically(folder / RESULTS, lambda file: file.write(text.encode()))
+    write_json(folder / RESULTS, content)
     arrays = trial.record.arrays()
     write_atomically(folder / RECORD, lambda file: np.savez_compressed(file, **arrays))

@@ -1,11 +1,11 @@
 """Each sentence of the paper beside our number, its interval and a verdict."""
 
-import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dntorch.experiments.reproduce import PREDICTIONS, Study
-from dntorch.experiments.statistics import summary, wilson
+from dntorch.studies.predictions import predictions
+from dntorch.studies.statistics import summary, wilson
+from dntorch.studies.study import Study
 
 YES, NO, UNTESTABLE = "reproduced", "not reproduced", "not testable"
 
@@ -22,13 +22,12 @@ class Claim(NamedTuple):
 
 def claims(study: Study) -> list[Claim]:
     """All claims of section IV and of the abstract that a run can decide."""
-    predictions = json.loads(PREDICTIONS.read_text())["main"]
-    r = study.results
+    r, p = study.results, predictions("main")
     return [
-        *_exploration(r, predictions, study),
-        *_learning(r, predictions),
-        *_level(r, predictions),
-        *_law(r, predictions),
+        *_exploration(r, p, study),
+        *_learning(r, p),
+        *_level(r, p),
+        *_law(r, p),
         *_elsewhere(),
     ]
 
@@ -81,6 +80,7 @@ def _learning(r: dict, p: dict) -> list[Claim]:
     low = wilson(k, n)[0]
     bound = p["optimal_given_found"]["at_least_lower_bound"]
     late, found = neural["optimal_only_in_exploitation"]
+    unlearned, number = r["shortcuts"]["unlearned"]
     few = f" (no {bound} can be shown with {n} runs: all must be optimal)" if n < 381 else ""
     first, last = error["at_first_find"], error["last_40"]
     ratio = last / first if first and last is not None else None
@@ -101,10 +101,10 @@ def _learning(r: dict, p: dict) -> list[Claim]:
         Claim(
             "Learning in the exploitation phase consists primarily of unlearning incorrect "
             "'shortcuts' inherited from the exploration phase",
-            "the run that needed longest, choice by choice (below)",
-            f"{sum(c['shortcut'] for c in r['shortcuts']['choices'])} shortcuts in run "
-            f"{r['shortcuts']['run']}" if r["shortcuts"]["choices"] else "no run had one",
-            verdict(True, bool(r["shortcuts"]["choices"])),
+            "of the runs that became optimal only then, those in which all shortcuts taken since "
+            "had lost value; the longest choice by choice below",
+            share(r["shortcuts"], "unlearned"),
+            verdict(unlearned > number / 2, number > 0),
         ),
         Claim(
             p["td_error"]["paper"],
@@ -208,7 +208,7 @@ def write_page(study: Study, figures: list[str], folder: Path, command: str) -> 
     """``report.html`` beside the figures."""
     from jinja2 import Environment, PackageLoader
 
-    environment = Environment(loader=PackageLoader("dntorch", "experiments"), autoescape=True)
+    environment = Environment(loader=PackageLoader("dntorch", "studies"), autoescape=True)
     page = environment.get_template("claims.html").render(
         claims=claims(study), results=study.results, figures=figures, command=command,
         colors={YES: "yes", NO: "no", UNTESTABLE: "open"},

@@ -4,18 +4,23 @@ from pathlib import Path
 
 import numpy as np
 
-from dntorch.experiments import batches, checkpoint
+from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config
-from dntorch.experiments.measures import Runs, match
 from dntorch.experiments.trial import Trial
+from dntorch.studies.batches import report
+from dntorch.studies.runs import Runs, match
 
 SAVE_EVERY = 5_000
 
 
+def checkpoint_of(folder: Path, seed: int) -> Path:
+    """Where a trial is saved; in the end it holds all that was recorded of it."""
+    return folder / f"camera-{seed}.pt"
+
+
 def run_camera(index: int, config: Config, folder: Path) -> bool:
     """One trial from its start, or from where it stopped, to its end; False if told to stop."""
-    done, begun = folder / f"camera-{config.seed}.npz", folder / f"camera-{config.seed}.pt"
-    shared = batches._shared
+    done, begun = _events_of(folder, config.seed), checkpoint_of(folder, config.seed)
     if not done.exists():
         trial, weights = Trial(config) if not begun.exists() else Trial.load(begun), []
         if begun.exists():
@@ -24,18 +29,21 @@ def run_camera(index: int, config: Config, folder: Path) -> bool:
             trial.advance(1)
             if trial.record.reported[trial.step - 1] >= 0:
                 weights.append(trial.agent.weights.t().numpy().copy())
-            stop = shared.stop.is_set()
-            if trial.step % SAVE_EVERY == 0 or stop:
+            go_on = report(index, trial.step)
+            if trial.step % SAVE_EVERY == 0 or trial.finished or not go_on:
                 content = trial.content() | {"onset_weights": np.array(weights)}
                 checkpoint.save(begun, content)
-            if stop:
+            if not go_on:
                 return False
-            shared.steps[index] = trial.step
         events = _events(trial, np.array(weights))
         trial.close()
         checkpoint.write_atomically(done, lambda file: np.savez(file, **events))
-    shared.steps[index] = config.steps
+    report(index, config.steps)
     return True
+
+
+def _events_of(folder: Path, seed: int) -> Path:
+    return folder / f"camera-{seed}.npz"
 
 
 def _events(trial: Trial, weights: np.ndarray) -> dict[str, np.ndarray]:
@@ -57,7 +65,7 @@ def _events(trial: Trial, weights: np.ndarray) -> dict[str, np.ndarray]:
 
 def camera_runs(configs: list[Config], folder: Path) -> Runs:
     """Events of finished trials, a row a run."""
-    each = [dict(np.load(folder / f"camera-{config.seed}.npz")) for config in configs]
+    each = [dict(np.load(_events_of(folder, config.seed))) for config in configs]
     count, longest = len(each), max(len(e["steps"]) for e in each)
     n = len(configs[0].colors)
     steps, behaviors = np.full((2, count, longest), -1, np.int64)

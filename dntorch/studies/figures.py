@@ -1,14 +1,20 @@
 """Figures of many runs: those of the paper's results, with spreads, and what is beyond them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dntorch.experiments.config import Config
 from dntorch.experiments.figures import FAINT, INK, PAINT, SHADE, dynamics
-from dntorch.experiments.measures import transitions
-from dntorch.experiments.reproduce import BINS, Study, example
+from dntorch.experiments.record import Record
+from dntorch.experiments.trial import Trial
+from dntorch.studies.camera import checkpoint_of
+from dntorch.studies.law import transitions
+from dntorch.studies.study import BINS, Study
 
 BLUE, GREEN, RED = PAINT["B"], PAINT["G"], PAINT["R"]
 
@@ -22,7 +28,7 @@ def draw(study: Study, folder: Path) -> list[str]:
     }
     chosen = example_run(study)
     if chosen is not None:
-        figures["dynamics"] = dynamics(*example(study, chosen))
+        figures["dynamics"] = dynamics(*example(study, chosen, folder))
     for name, figure in figures.items():
         figure.savefig(folder / f"{name}.png", dpi=110, facecolor="white")
     return list(figures)
@@ -131,6 +137,26 @@ def _example(ax: Axes, study: Study) -> None:
     ax.set_ylabel("rewards")
     ax.legend(frameon=False, fontsize=8, loc="upper left")
     _phase(ax, study)
+
+
+def example(study: Study, run: int, folder: Path, steps: int = 1500) -> tuple[Record, Config]:
+    """What the nodes of one run did while it explored, and with what it had learned in the end.
+
+    Batches keep no activations: an agent of the abstract world lives again for ``steps``.
+    """
+    if study.config.world == "epuck":
+        trial = Trial.load(checkpoint_of(folder / "parts", study.config.seed + run))
+        trial.close()
+        return trial.record, trial.config
+    config = replace(study.config, steps=2 * steps, explore=steps)
+    trial = Trial(config)
+    trial.exploration.agents = trial.world.world.agents = torch.tensor(run)  # type: ignore
+    trial.advance(steps)
+    last = int(study.total[run]) - 1
+    learned = torch.from_numpy(study.runs.weights[run, last].swapaxes(-1, -2).copy())
+    trial.agent.weights.copy_(learned)
+    trial.advance(steps)
+    return trial.record, config
 
 
 def learning_law(study: Study) -> Figure:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +16,8 @@ import numpy as np
 import torch
 
 from dntorch.experiments import checkpoint
-from dntorch.experiments.population import Group, Population, run
+from dntorch.studies.group import Group
+from dntorch.studies.population import Population, run
 
 
 class Job(NamedTuple):
@@ -69,21 +71,22 @@ def _begin(shared: Shared) -> None:
     torch.set_flush_denormal(True)
 
 
+def report(index: int, steps: int) -> bool:
+    """Called in a worker: job ``index`` has come this far; whether it is to go on."""
+    _shared.steps[index] = steps
+    return not _shared.stop.is_set()
+
+
 def _population(index: int, job: Job, folder: Path) -> bool:
     done = folder / f"{job.name}.npz"
     if not done.exists():
         torch.compiler.reset()  # one worker compiles for many groups
         population = Population(job.group, compiled=can_compile())
-
-        def progress(step: int) -> bool:
-            _shared.steps[index] = step
-            return not _shared.stop.is_set()
-
-        if not run(population, folder / f"{job.name}.pt", progress=progress):
+        if not run(population, folder / f"{job.name}.pt", progress=partial(report, index)):
             return False
         events = population.results()
         checkpoint.write_atomically(done, lambda file: np.savez(file, **events))
-    _shared.steps[index] = job.group.config.steps
+    report(index, job.group.config.steps)
     return True
 
 

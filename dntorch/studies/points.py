@@ -4,11 +4,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dntorch.experiments.batches import Job
 from dntorch.experiments.config import Config, build_agent
-from dntorch.experiments.measures import needed_rewards, outcome, runs_from_events
-from dntorch.experiments.population import Group
-from dntorch.experiments.statistics import wilson
+from dntorch.studies.batches import Job
+from dntorch.studies.group import Group
+from dntorch.studies.outcomes import needed_rewards, outcome
+from dntorch.studies.runs import runs_from_events
+from dntorch.studies.statistics import wilson
 
 
 class Point(NamedTuple):

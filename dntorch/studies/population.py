@@ -1,16 +1,14 @@
 """Many agents of the abstract world in one batch, remembered as events.
 
-A step of world and agents is one pure function, compiled where there is a compiler. What
-depends on chance is drawn ahead for a portion of steps: since draws are keyed by (seed,
-agent, decision), a table of the next decisions holds the very numbers that an agent alone
-would draw, and no agent depends on who else is in its batch.
+A step of world and agents is one pure function, compiled where there is a compiler; what
+depends on chance is drawn ahead for a portion of steps.
 
 Events are logged inside the compiled step without a branch: every step writes into the row
 of the *next* event, and only an event moves on to another row.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,52 +17,13 @@ import torch
 from torch import Tensor
 from torch.utils._pytree import tree_map
 
-from dntorch.envs.nodes import NodesState, NodesStep, NodesWorld
+from dntorch.envs.nodes import NodesState, NodesStep
 from dntorch.envs.task import NOTHING, SequenceTask
 from dntorch.experiments import checkpoint
-from dntorch.experiments.config import Config
-from dntorch.experiments.variants import build_variant
 from dntorch.modules.sarsa import AgentState
-from dntorch.noise import Exploration, keyed_uniform
-
-PORTION = 500
-"""Control steps for which chance is drawn ahead."""
-ROWS = PORTION // 31
-"""Events that an agent may have in a portion: a behaviour takes longer than a second."""
-
-
-@dataclass(frozen=True)
-class Group:
-    """Which agents run, and what they share.
-
-    ``parameters`` gives each agent a value of its own: the path of a number within the agent
-    (``"learner.values.learning_rate"``), or ``"reward"``, ``"reward_duration"``, ``"noise"``.
-    """
-
-    config: Config
-    agents: tuple[int, ...]
-    variant: str = ""
-    learns_in_exploitation: bool = True
-    parameters: dict[str, tuple[float, ...]] = field(default_factory=dict)
-    tasks: tuple[str, ...] = ()
-    """rewarded sequences beside that of ``config``"""
-    shown: int = 0
-    """how often exploration is led through the sequence, at random times"""
-    keep_weights: bool = True
-    """remember the weights at every onset"""
-    rows: tuple[int, ...] = ()
-    """what to call each agent in the events, by default its number"""
-
-
-class Chance(NamedTuple):
-    """Draws of a portion of steps."""
-
-    noise: Tensor
-    """``(ROWS, n, n, batch)``, for the decisions from ``decision`` on"""
-    decision: Tensor
-    duration: Tensor
-    """``(ROWS, batch)``, for the visits from ``visit`` on"""
-    visit: Tensor
+from dntorch.studies.chance import PORTION, ROWS, Chance, Dice, TabledWorld
+from dntorch.studies.group import Group
+from dntorch.studies.variants import build_variant
 
 
 class Log(NamedTuple):
@@ -98,56 +57,6 @@ class Running(NamedTuple):
     log: Log
 
 
-class Tables(NodesWorld):
-    """`NodesWorld` with durations from a table and without a branch, as a compiler wants it."""
-
-    durations: Tensor
-    first: Tensor
-
-    def draw(self, visits: Tensor) -> Tensor:
-        rows = (visits - self.first).clamp(0, ROWS - 1)
-        return self.durations[rows, torch.arange(rows.shape[0])]
-
-    def step(self, intention: Tensor, state: NodesState) -> tuple[NodesStep, NodesState]:
-        strongest, choice = intention.max(-1)
-        begun = (strongest > 0.5) & (choice != state.target)
-        target = torch.where(begun, choice, state.target)
-        visits = state.visits + begun
-        duration = torch.where(begun, self.draw(visits), state.duration)
-        on = (strongest > 0.5) & (choice == target)
-        absent = torch.where(on, 0, state.absent + 1)
-        sought = torch.where(begun, 0, state.sought) + (absent <= self.linger)
-        in_view = (sought > duration) & (absent <= self.linger) & (target != NOTHING)
-        found = torch.where(in_view & (sought == duration + self.dwell), target, NOTHING)
-        colors = torch.arange(self.n)
-        observation = in_view.unsqueeze(-1) & (target.unsqueeze(-1) == colors)
-        reward, completed, task = self.task.step(found, state.task)
-        return (
-            NodesStep(observation.to(intention.dtype), reward, found, completed),
-            NodesState(target, duration, sought, absent, visits, task),
-        )
-
-
-class AnyOf(SequenceTask):
-    """Several rewarded sequences of one length: each is rewarded when it is completed."""
-
-    def also(self, sequences: tuple[str, ...]) -> "AnyOf":
-        others = [SequenceTask(sequence, self.colors).target for sequence in sequences]
-        if any(len(other) != len(self.sequence) for other in others):
-            raise ValueError(f"tasks={sequences}: give sequences as long as {self.sequence!r}")
-        self.target = torch.stack([self.target, *others])
-        return self
-
-    def step(self, found: Tensor, state: Any) -> tuple[Tensor, Tensor, Any]:
-        shifted = torch.cat((state.recent[..., 1:], found.unsqueeze(-1)), dim=-1)
-        recent = torch.where(found.unsqueeze(-1) == NOTHING, state.recent, shifted)
-        match = (recent.unsqueeze(-2) == self.target).all(-1).any(-1)
-        completed = (found != NOTHING) & match
-        remaining = torch.where(completed, self.steps, state.remaining)
-        reward = self.reward * (remaining > 0).to(torch.get_default_dtype())
-        return reward, completed, type(state)(recent, (remaining - 1).clamp_min(0))
-
-
 def innermost(tensor: Tensor) -> Tensor:
     """The same tensor with its first dimension, the batch, innermost in memory: twice as fast."""
     if tensor.dim() < 2:
@@ -171,17 +80,16 @@ class Population:
         self, group: Group, dtype: torch.dtype = torch.float32, compiled: bool = True
     ) -> None:
         self.group, self.config, self.dtype = group, group.config, dtype
-        self.ids = torch.tensor(group.agents)
         self.rows = torch.tensor(group.rows or group.agents, dtype=torch.int32)
         self.n, self.batch = len(self.config.colors), len(group.agents)
         config = self.config
         self.agent = build_variant(config, group.variant).to(dtype)
-        kind = AnyOf if group.tasks else SequenceTask
-        task = kind(
-            config.sequence, config.colors, config.reward, config.reward_duration, config.dt
-        )
-        self.world = Tables(task.also(group.tasks) if group.tasks else task, config.seed, self.ids)
-        self.exploration = Exploration(self.n, config.seed, self.ids, config.noise)
+        task = SequenceTask(
+            config.sequence, config.colors, config.reward, config.reward_duration, config.dt,
+            group.tasks,
+        )  # fmt: skip
+        self.world = TabledWorld(task, config.seed, torch.tensor(group.agents))
+        self.dice = Dice(group, self.world, dtype)
         self._individualize()
         self.running = self.initial()
         self.now = 0
@@ -199,7 +107,7 @@ class Population:
             elif path == "reward_duration":
                 self.world.task.steps = (value / self.config.dt).round().to(torch.int64)
             elif path == "noise":
-                self.exploration.amplitude = value.double().unsqueeze(-1)
+                self.dice.exploration.amplitude = value.double().unsqueeze(-1)
             else:
                 part, _, name = path.rpartition(".")
                 single = path in ("learner.values.learning_rate", "learner.opposition.tau_error")
@@ -228,40 +136,6 @@ class Population:
             zeros(2, batch, dtype=torch.int64),
             log,
         )
-
-    # ------------------------------------------------------------------ chance
-
-    def draw(self) -> Chance:
-        """What the next portion of steps may need."""
-        decision, visit = self.running.agent.decisions, self.running.world.visits
-        rows = torch.arange(ROWS).unsqueeze(-1)
-        noise = torch.zeros(ROWS, self.n, self.n, self.batch, dtype=self.dtype)
-        if self.now < self.config.explore:
-            noise = torch.stack([self.noise(decision + row) for row in range(ROWS)])
-        share = keyed_uniform(self.config.seed, self.ids.expand(ROWS, -1), visit + rows, 1, 2)
-        span = self.world.longest - self.world.shortest
-        duration = (self.world.shortest + share[..., 0] * span).round().to(torch.int64)
-        return Chance(noise, decision.clone(), duration, visit.clone())
-
-    def noise(self, decisions: Tensor) -> Tensor:
-        """Noise of one decision of each agent, ``(n, n, batch)``."""
-        drawn = self.exploration(decisions, self.dtype).movedim(0, -1).contiguous()
-        return self.lead(drawn, decisions) if self.group.shown else drawn
-
-    def lead(self, noise: Tensor, decisions: Tensor) -> Tensor:
-        """Noise that leads through the rewarded sequences, ``shown`` times while exploring."""
-        targets = self.world.task.target.view(-1, len(self.config.sequence))
-        targets = targets[torch.arange(self.group.shown) % len(targets)]
-        zero = torch.zeros_like(self.ids)
-        share = keyed_uniform(self.config.seed, self.ids, zero, self.group.shown, 7)
-        starts = ((0.1 + 0.75 * share) * self.config.explore / 180).to(torch.int64)
-        place = decisions.unsqueeze(-1) - starts  # (batch, shown): position in each showing
-        inside = (place >= 0) & (place < targets.shape[1])
-        which = inside.to(torch.int64).argmax(-1)
-        place = place.gather(-1, which.unsqueeze(-1))[:, 0].clamp(0, targets.shape[1] - 1)
-        forced = torch.nn.functional.one_hot(targets[which, place], self.n).to(noise.dtype)
-        forced = self.config.noise * forced.T.unsqueeze(1)
-        return torch.where(inside.any(-1), forced, noise)
 
     # ------------------------------------------------------------------ one step
 
@@ -330,7 +204,10 @@ class Population:
             last = min(end, edge, self.now + PORTION)
             if self.now >= self.config.explore and not self.group.learns_in_exploitation:
                 self.agent.learn(False)
-            chance = self.draw()
+            running = self.running
+            chance = self.dice.draw(
+                running.agent.decisions, running.world.visits, self.now < self.config.explore
+            )
             for _ in range(self.now, last):
                 self.running = self.step(self.running, chance)
             self.now = last
@@ -363,7 +240,7 @@ class Population:
     # ------------------------------------------------------------------ files
 
     def results(self) -> dict[str, np.ndarray]:
-        """Events in order of agents and steps; see `dntorch.experiments.measures.Runs`."""
+        """Events in order of agents and steps; see `dntorch.studies.outcomes.Runs`."""
         joined = {name: np.concatenate(parts) for name, parts in self.events.items()}
         for leader, names in (("onset", ("error", "weights", "onset")), ("find", ("find",))):
             order = np.lexsort((joined[leader][:, 1], joined[leader][:, 0]))

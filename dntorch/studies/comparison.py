@@ -1,0 +1,125 @@
+"""The neural runs beside discrete SARSA(lambda): what it would have done, tests of equality."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from dntorch.experiments.config import Config
+from dntorch.experiments.trial import Trial
+from dntorch.studies import discrete
+from dntorch.studies import statistics as st
+from dntorch.studies.law import correlation
+from dntorch.studies.outcomes import Outcome, outcome
+from dntorch.studies.predictions import predictions
+from dntorch.studies.runs import Runs
+
+
+def theory_of(config: Config) -> st.Theory:
+    """Learning rates and lambda that the parameters of a config predict."""
+    area = config.reward * config.reward_duration
+    return st.theory(
+        config.learning_rate, config.trace_tau, area, hand_over(config),
+        reward_duration=config.reward_duration,
+    )  # fmt: skip
+
+
+def hand_over(config: Config, steps: int = 3000) -> float:
+    """Seconds from the end of a pair to the begin of the next, in one short exploration."""
+    trial = Trial(replace(config, world="nodes", steps=steps, explore=steps))
+    trial.advance(steps)
+    record = trial.record
+    active = ((record.intention > 0.5).any(1)) & ((record.satisfaction > 0.5).any(1))
+    same = (record.intention > 0.5) & (record.satisfaction > 0.5)
+    active &= ~same.any(1)  # the pair (i, i) does not exist
+    edges = np.flatnonzero(np.diff(active.astype(int)))
+    gaps = np.diff(edges)[~active[edges[:-1] + 1]]
+    return float(np.median(gaps)) * config.dt if len(gaps) else 0.5
+
+
+def discrete_outcomes(
+    config: Config,
+    learning: discrete.Learning,
+    explored: np.ndarray,
+    total: np.ndarray,
+    counts: np.ndarray,
+) -> dict[str, Outcome]:
+    """Discrete learners with the same number of behaviours as each neural run.
+
+    They explore uniformly, or ("matched") as often from each pair to the next behaviour as
+    the neural runs did, ``counts``.
+    """
+    kinds = {
+        "sarsa": learning,
+        "sarsa_replacing": replace(learning, replacing=True),
+        "td0": replace(learning, trace_decay=0.0),
+    }
+    outcomes = {}
+    for suffix, chances in (("", None), ("_matched", counts)):
+        for name, kind in kinds.items():
+            history = discrete.explore_or_exploit(
+                kind, explored, total, config.seed, config.sequence, config.colors, chances=chances
+            )
+            outcomes[name + suffix] = outcome(history.rewarded, history.policy, explored, total)
+    return outcomes
+
+
+def equivalence(neural: Outcome, learners: dict[str, Outcome]) -> dict[str, Any]:
+    """Two one-sided tests of the neural against each discrete learner with traces."""
+    margins = predictions("main")["equivalence"]
+    table = {}
+    for name in ("sarsa_matched", "sarsa_replacing_matched", "sarsa", "sarsa_replacing"):
+        other = learners[name]
+        k = [(int(o.optimal[o.found].sum()), int(o.found.sum())) for o in (neural, other)]
+        late = [(int(o.late[o.found].sum()), int(o.found.sum())) for o in (neural, other)]
+        needed = [o.needed[o.found & o.optimal & (o.needed > 0)] for o in (neural, other)]
+        table[name] = {
+            "optimal_given_found": st.equivalent_proportions(
+                *k, margins["optimal_given_found_margin"]
+            ),
+            "optimal_only_in_exploitation": st.equivalent_proportions(
+                *late, margins["optimal_only_in_exploitation_margin"]
+            ),
+            "behaviors_to_optimal": st.equivalent_means(
+                *needed, margins["behaviors_to_optimal_margin"]
+            ),
+        }
+    return table
+
+
+def yoked(
+    runs: Runs, result: Outcome, explored: np.ndarray, learning: discrete.Learning
+) -> dict[str, Any]:
+    """The discrete learner fed with the transitions of the neural runs: correlations over time."""
+    which = np.flatnonzero(result.found)
+    if len(which) == 0:
+        return {"yoked_correlation": None, "yoked": {}}
+    behaviors = runs.behaviors[which]
+    at = tuple(range(20, behaviors.shape[1] - 1, 20))
+    # Values after the transition that ends with onset k + 1 are known at onset k + 1.
+    _, kept = discrete.yoked(learning, behaviors, runs.rewarded[which], tuple(range(10**4)))
+    curve = {}
+    for k in at:
+        going = behaviors[:, k] >= 0
+        r = correlation(runs.weights[which, k][going], kept[k][going])
+        r = r[np.isfinite(r)]
+        if len(r) > len(which) / 2:
+            curve[k] = float(r.mean())
+    last = explored[which] - 1
+    own = runs.weights[which, last]
+    other = np.stack([kept[k][row] for row, k in enumerate(last)])
+    r = correlation(own, other)
+    r = r[np.isfinite(r)]
+    early = (runs.rewarded & (np.arange(runs.rewarded.shape[1]) < explored[:, None])).sum(1)[which]
+    return {
+        "yoked_correlation": float(r.mean()) if len(r) else None,
+        "yoked": {
+            "interval_of_mean": st.mean_interval(r),
+            "summary": st.summary(r),
+            "lowest": float(r.min()) if len(r) else None,
+            "over_behaviors": curve,
+            "learning_rate": learning.rate,
+            "lambda": learning.trace_decay,
+            "finds_while_exploring": st.summary(early),
+        },
+    }
