@@ -43,8 +43,8 @@ STRUCTURE = [
 ]  # fmt: skip
 
 
-def judge(name: str, e: dict, default: dict, expected: dict) -> bool | None:
-    """Whether a control failed in the way that was predicted."""
+def judge(e: dict, default: dict, expected: dict) -> bool | None:
+    """Whether a control failed in the way that was predicted, None without a prediction."""
     k, n = e["optimal_given_found"]
     share = k / n if n else 0.0
     usual = default["optimal_given_found"]
@@ -99,12 +99,14 @@ def main() -> None:
 
     expected = predictions("controls")
     for name, e in table.items():
-        e["as_predicted"] = judge(name, e, table["default"], expected.get(name, {}))
+        prediction = expected.get(name, {})
+        e["as_predicted"] = judge(e, table["default"], prediction)
+        e["as_revised"] = judge(e, table["default"], prediction.get("revised", {}))
         k, n = e["optimal_given_found"]
         print(f"{name:30} behaviours {e['behaviors_in_exploration']:6.1f}  found {n:3}  optimal "
               f"{k:3}  two intentions {e['steps_with_two_intentions']:8.1f}  no state "
               f"{e['steps_without_state']:8.1f}  largest |W| {e['largest_weight']:9.3g}  "
-              f"as predicted: {e['as_predicted']}")  # fmt: skip
+              f"as predicted: {e['as_predicted']}  as revised: {e['as_revised']}")  # fmt: skip
     content = {"runs": a.runs, "seed": a.seed, "commit": commit(), "controls": table}
     write_json(a.out / "controls.json", content)
 
