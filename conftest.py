@@ -13,11 +13,23 @@ from hypothesis import settings
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
 
+#: Warnings that are no errors, and why. All others are, here and in programs that tests start.
+EXEMPT = {
+    "ignore:`torch.jit:DeprecationWarning": "robots with this stack need TorchScript",
+    "ignore:Creating :DeprecationWarning": "TorchRL 0.14 deprecates weight updaters of its own",
+}
+os.environ["PYTHONWARNINGS"] = ",".join(["error", *EXEMPT])
+
 #: Tests that may be skipped, and why: nothing else is skipped unseen by `make test`.
 MAY_SKIP = {
     "tests/test_dnfc_data.py": "third-party field runs that are not part of this repository",
     "tests/test_export_cpp.py": "needs a C++ compiler",
 }
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    for line in ["error", *EXEMPT]:
+        config.addinivalue_line("filterwarnings", line)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

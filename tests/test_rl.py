@@ -1,5 +1,6 @@
 """The agent as a TorchRL policy: the numbers of the plain loop, and nothing lost on the way."""
 
+import pickle
 from pathlib import Path
 
 import gymnasium
@@ -15,11 +16,6 @@ from dntorch.experiments.config import Config, build_agent, build_exploration
 from dntorch.experiments.trial import Trial
 from dntorch.rl import AgentPolicy, AgentPrimer, epuck, nodes
 from dntorch.rl.envs import wrap
-
-# TorchRL 0.14 deprecates weight updaters of its own while its collectors are imported.
-pytestmark = pytest.mark.filterwarnings(
-    "ignore:Creating .*WeightUpdater which inherits:DeprecationWarning"
-)
 
 WORLDS = {"nodes": (nodes, "match"), "epuck": (epuck, "image")}
 FORMS = pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tensordict"])
@@ -244,6 +240,39 @@ def test_a_collector_resumes_to_the_same_numbers(world: str, carried: bool, tmp_
     rest = advance(second, 2)
     for name in ("action", "intention", "weights", "steps", "is_init", ("next", "found")):
         assert torch.equal(rest[name], whole[name][120:]), name
+
+
+def staggered(config: Config, carried: bool):
+    """Three agents whose episodes end at different times: each reset but the first is partial."""
+    numbers = torch.arange(3)
+    agent, noise = DNSarsa(3).spread(3), Exploration(3, config.seed, numbers)
+    policy = AgentPolicy(agent, config.explore, noise, "match", carried)
+    env = nodes(config, policy.primer() if carried else None, numbers)
+    env.insert_transform(0, StepCounter(max_steps=40))
+    made = collector(env, policy, 3 * 25)
+    made.reset(index=[1])  # it counts from here
+    return made
+
+
+@FORMS
+def test_a_collector_resumes_after_a_reset_of_a_part_of_the_batch(carried: bool) -> None:
+    config = Config(world="nodes", seed=2, explore=400, sequence="GB", colors="GBY")
+    first = staggered(config, carried)
+    iterator = iter(first)
+    next(iterator)
+    first.reset(index=[2])  # nobody has stepped since this one
+    state = pickle.loads(pickle.dumps(first.state_dict()))
+    whole = torch.cat([next(iterator).clone() for _ in range(4)], -1)
+    begun = whole["is_init"][..., 0].sum(0)
+    assert set(begun.tolist()) == {0, 1, 2}  # never all at once
+    assert whole["is_init"][2, 0] and not whole["is_init"][:2, 0].any()
+
+    second = staggered(config, carried)
+    second.load_state_dict(state)
+    iterator = iter(second)
+    rest = torch.cat([next(iterator).clone() for _ in range(4)], -1)
+    for name in ("action", "intention", "weights", "steps", "is_init", ("next", "found")):
+        assert torch.equal(rest[name], whole[name]), name
 
 
 def test_a_primer_forgets_when_it_is_told_to() -> None:

@@ -13,7 +13,7 @@ from torchrl.envs.gym_like import default_info_dict_reader
 from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import SequenceTask
 from dntorch.experiments.config import Config
-from dntorch.rl.transforms import AgentPrimer, LastReward, Resumable
+from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
 
 
 class NodesEnv(EnvBase):
@@ -29,7 +29,7 @@ class NodesEnv(EnvBase):
     reward    ``(*batch, 1)``
     ========  ==================  ===========================================================
 
-    It never ends; for episodes append TorchRL's ``StepCounter``. Durations are drawn for
+    It never ends; for episodes insert TorchRL's ``StepCounter``. Durations are drawn for
     (seed, agent, number of the visit), and visits are counted on over resets:
     ``set_seed`` begins again.
     """
@@ -136,12 +136,14 @@ def epuck(
 def wrap(env: Any, primer: AgentPrimer | None = None, **info: Any) -> TransformedEnv:
     """Any Gymnasium env of this library, simulated or hardware, with what `AgentPolicy` needs.
 
-    ``info`` names entries of the info dictionary to record, with their specs.
+    ``info`` names entries of the info dictionary to record, with their specs. An env that
+    wants to be told what the agent has found (it has ``report``) is told.
     """
     wrapped = GymWrapper(env)
     if info:
         wrapped.set_info_dict_reader(default_info_dict_reader(list(info), Composite(info)))
-    return _transformed(wrapped, primer)
+    made = _transformed(wrapped, primer)
+    return made.insert_transform(0, Report()) if hasattr(env.unwrapped, "report") else made
 
 
 def _transformed(env: EnvBase, primer: AgentPrimer | None) -> TransformedEnv:

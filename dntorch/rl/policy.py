@@ -55,8 +55,6 @@ class AgentPolicy(TensorDictModuleBase):
         KeyError: on a step, when the tensordict lacks the state it should carry.
     """
 
-    KEPT = "agent"
-
     def __init__(
         self,
         agent: DNSarsa,
@@ -85,7 +83,7 @@ class AgentPolicy(TensorDictModuleBase):
         self.spec = self._spec(batch)
         self.out_keys = list(self.spec.keys())
         if carried:
-            self.in_keys += [(self.KEPT, name) for name in [*self.names, "steps", "seed"]]
+            self.in_keys += [(AgentPrimer.KEY, name) for name in [*self.names, "steps", "seed"]]
             self.out_keys += [("next", key) for key in self.in_keys[3:]]
 
     def _spec(self, batch: list[int]) -> Composite:
@@ -153,14 +151,14 @@ class AgentPolicy(TensorDictModuleBase):
             self._refuse_shared_memory()  # the step reads buffers and writes none: no copies
             state = pytree.tree_unflatten(self._held(), self.structure)
             return state, self.steps, None
-        kept = tensordict.get(self.KEPT, None)
+        kept = tensordict.get(AgentPrimer.KEY, None)
         missing = [
             k for k in [*self.names, "steps", "seed"] if kept is None or k not in kept.keys()
         ]
         if missing:
             raise KeyError(
-                f"the tensordict lacks {missing[0]!r} under {self.KEPT!r}: without its state the "
-                "agent would forget in silence; append policy.primer() to the env's transforms"
+                f"the tensordict lacks {missing[0]!r} under {AgentPrimer.KEY!r}: without its state "
+                "the agent would forget in silence; append policy.primer() to the env's transforms"
             )
         leaves = [kept.get(name) for name in self.names]
         return pytree.tree_unflatten(leaves, self.structure), kept.get("steps"), kept.get("seed")
@@ -169,7 +167,7 @@ class AgentPolicy(TensorDictModuleBase):
         self, tensordict: TensorDictBase, state: AgentState, steps: Tensor, seed: Tensor | None
     ) -> None:
         if self.carried:
-            tensordict.set(("next", self.KEPT), self._pack(state, steps, seed))
+            tensordict.set(("next", AgentPrimer.KEY), self._pack(state, steps, seed))
         else:
             for buffer, value in zip(self._held(), pytree.tree_leaves(state)):
                 buffer.copy_(value.detach())
@@ -202,11 +200,11 @@ class AgentPolicy(TensorDictModuleBase):
         if seed is None:
             seed = self.exploration.seed if self.exploration else 0
         seeds = torch.zeros_like(self.steps) + torch.as_tensor(seed)
-        return AgentPrimer(self.KEPT, self._pack(self.agent.state, self.steps.clone(), seeds))
+        return AgentPrimer(self._pack(self.agent.state, self.steps.clone(), seeds))
 
     def adopt(self, batch: TensorDictBase) -> DNSarsa:
         """Give the agent the state after the last step of a ``batch`` that carries it."""
-        last = batch[..., -1].get(("next", self.KEPT))
+        last = batch[..., -1].get(("next", AgentPrimer.KEY))
         state = pytree.tree_unflatten([last.get(name) for name in self.names], self.structure)
         self.agent.state = state
         self.steps.copy_(last.get("steps"))

@@ -8,7 +8,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import Composite, Unbounded
-from torchrl.envs import GymWrapper
+from torchrl.envs import EnvBase, GymWrapper
 from torchrl.envs.transforms import TensorDictPrimer, Transform
 
 from dntorch.experiments import checkpoint
@@ -51,30 +51,53 @@ class AgentPrimer(TensorDictPrimer):
     rest when it sees ``is_init``.)
 
     Args:
-        key: where the state lies in the tensordict.
-        state: the state before the first step.
+        state: the state before the first step; it lies in the tensordict under ``agent``.
     """
 
-    def __init__(self, key: str, state: TensorDict) -> None:
+    KEY = "agent"
+
+    def __init__(self, state: TensorDict) -> None:
         leaves = {k: Unbounded(v.shape, v.device, v.dtype) for k, v in state.items()}
         shape = state.batch_size
-        super().__init__(Composite({key: Composite(leaves, shape=shape)}, shape=shape))
-        self.key, self.begin, self.latest = key, state, state
+        super().__init__(Composite({self.KEY: Composite(leaves, shape=shape)}, shape=shape))
+        self.begin, self.latest = state, state
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
-        if self.key not in next_tensordict.keys():  # another policy took this step
-            next_tensordict.set(self.key, tensordict.get(self.key))
-        self.latest = next_tensordict.get(self.key)
+        if self.KEY not in next_tensordict.keys():  # another policy took this step
+            next_tensordict.set(self.KEY, tensordict.get(self.KEY))
+        self.latest = next_tensordict.get(self.KEY)
         return next_tensordict
 
     def _reset(
         self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase
     ) -> TensorDictBase:
-        return tensordict_reset.set(self.key, self.latest.clone())
+        return tensordict_reset.set(self.KEY, self.latest.clone())
 
     def forget(self) -> None:
         """Begin again, at the next reset, with the state before the first step."""
         self.latest = self.begin
+
+
+class Report(Transform):
+    """Tells a world that cannot see for itself what the agent says it has found.
+
+    A condition of satisfaction that comes on is passed to the world's ``report(position)``
+    before the step, as a `HardwareEnv` wants it. A policy that writes no ``satisfaction``
+    reports nothing.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.on: Tensor | None = None
+
+    def _inv_call(self, tensordict: TensorDictBase) -> TensorDictBase:
+        satisfaction = tensordict.get("satisfaction", None)
+        if satisfaction is not None:
+            before, self.on = self.on, satisfaction > 0.5
+            came = self.on if before is None else self.on & ~before
+            if came.any():
+                world_of(self.parent).report(int(came.nonzero()[0]))
+        return tensordict
 
 
 class Resumable(Transform):
@@ -82,21 +105,18 @@ class Resumable(Transform):
 
     ``collector.state_dict()`` holds policy and transforms, but no world. With this transform,
     the last one, it also holds a snapshot of the world and what the policy is about to see;
-    after ``load_state_dict`` the collector goes on from there.
+    after ``load_state_dict`` the collector goes on from there. (So TorchRL's ``StepCounter``
+    goes in front: ``env.insert_transform(0, StepCounter(...))``.)
 
     The world is an env with ``state_dict()`` and ``load_state_dict(state)``; in a `GymWrapper`
-    the wrapped one.
+    the wrapped one. One without, a robot, is as it is: there the agent begins at rest with
+    what it had learned.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.shown: TensorDictBase | None = None
         self.pending: dict[str, Any] | None = None
-
-    @property
-    def world(self) -> Any:
-        env = self.parent.base_env
-        return env._env.unwrapped if isinstance(env, GymWrapper) else env
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
         self.shown = next_tensordict
@@ -106,8 +126,12 @@ class Resumable(Transform):
         self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase
     ) -> TensorDictBase:
         if self.pending is not None:
-            self.world.load_state_dict(self.pending["world"])
-            tensordict_reset.update(self.pending["shown"])
+            shown = self.pending["shown"]
+            if self.pending["world"] is None:
+                shown = shown.select(AgentPrimer.KEY, strict=False)
+            else:
+                world_of(self.parent).load_state_dict(self.pending["world"])
+            tensordict_reset.update(shown)
             self.pending = None
         mask = tensordict.get("_reset", None)
         if mask is None or mask.all() or self.shown is None:
@@ -120,8 +144,8 @@ class Resumable(Transform):
     def get_extra_state(self) -> dict[str, Tensor]:
         if self.shown is None:
             return pack({})
-        shown = self.shown.exclude("reward").to_dict()
-        return pack({"world": self.world.state_dict(), "shown": shown})
+        save = getattr(world_of(self.parent), "state_dict", lambda: None)
+        return pack({"world": save(), "shown": self.shown.exclude("reward").to_dict()})
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
         content = unpack(state)
@@ -132,6 +156,12 @@ class Resumable(Transform):
         collector = self.collector
         if collector is not None:
             collector.reset()  # which shows the policy what is pending
+
+
+def world_of(env: EnvBase) -> Any:
+    """The world below all transforms and wrappers."""
+    base = env.base_env
+    return base._env.unwrapped if isinstance(base, GymWrapper) else base
 
 
 def pack(content: dict[str, Any]) -> dict[str, Tensor]:
