@@ -136,7 +136,7 @@ def test_a_run_killed_five_times_ends_as_the_uninterrupted_one(tmp_path: Path) -
     assert ours == theirs
 
 
-def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path: Path) -> None:
+def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path: Path, process_settings) -> None:
     out = tmp_path / "run"
     with subprocess.Popen(
         [sys.executable, "-m", "dntorch.cli", "learn", "--world", "nodes", "--out", str(out)],
@@ -149,7 +149,13 @@ def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path: Path) -> None:
         _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert f"--resume {out}" in errors and "Traceback" not in errors
-    assert Trial.load(out / "checkpoint.pt").step > 0
+    trial = Trial.load(out / "checkpoint.pt")
+    assert trial.step > 0
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(True)
+    whole = Trial(trial.config)
+    whole.advance(trial.step)  # saved where agent and world stand at the same step
+    same(trial.content(), whole.content())
 
 
 def test_results_hold_what_a_reader_needs(tmp_path: Path) -> None:
