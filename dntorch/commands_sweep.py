@@ -1,7 +1,9 @@
 """The command that runs seeds and configurations side by side."""
 
 import os
+import signal
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +80,9 @@ def sweep(seeds, world, settings, processes, batch, ray, slurm, retries, checkpo
         running = sweeps.on_ray(tasks, None if ray == "local" else ray, retries, processes)
     else:
         running = sweeps.in_processes(tasks, processes, retries, tqdm.write)
+    # A polite request to end (kill, a job scheduler) stops it as Ctrl-C does.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     rows, failed = _follow(running, len(configs))
     order = {sweeps.name_of(config): k for k, config in enumerate(configs)}
     rows.sort(key=lambda one: order[sweeps.name_of(Config(**one["config"]))])
@@ -90,15 +95,20 @@ def sweep(seeds, world, settings, processes, batch, ray, slurm, retries, checkpo
 def _follow(running: Iterator[sweeps.Finished], total: int) -> tuple[sweeps.Table, list[str]]:
     rows: sweeps.Table = []
     failed: list[str] = []
-    with tqdm(total=total, unit="run") as bar:
-        for finished in running:
-            rows += finished.results
-            if finished.error:
-                names = map(sweeps.name_of, finished.task.configs)
-                failed += [f"{name}: {finished.error}" for name in names]
-            bar.update(len(finished.task.configs))
-            optimal = sum(one["optimal_at_end"] for one in rows)
-            bar.set_postfix(optimal=optimal, failed=len(failed))
+    try:
+        with closing(running), tqdm(total=total, unit="run") as bar:
+            for finished in running:
+                rows += finished.results
+                if finished.error:
+                    names = map(sweeps.name_of, finished.task.configs)
+                    failed += [f"{name}: {finished.error}" for name in names]
+                bar.update(len(finished.task.configs))
+                optimal = sum(one["optimal_at_end"] for one in rows)
+                bar.set_postfix(optimal=optimal, failed=len(failed))
+    except KeyboardInterrupt:
+        click.echo(f"stopped with {len(rows)} of {total} runs finished; the same command goes on "
+                   "with the others", err=True)  # fmt: skip
+        raise
     return rows, failed
 
 

@@ -87,6 +87,37 @@ def test_a_killed_worker_costs_no_run(how: list[str], worker: str, tmp_path: Pat
     assert int(rows[7]["behaviors"]) == len(alone.record.behaviors)
 
 
+@pytest.mark.parametrize("batch", [1, 2])
+def test_a_sweep_that_is_asked_to_end_saves_and_goes_on_later(batch: int, tmp_path: Path) -> None:
+    steps, seeds = 1200, range(4 * batch)
+    options = ["--world", "nodes", "--set", f"steps={steps}", "--set", "explore=200"]
+    options += ["--seeds", f"0-{seeds[-1]}", "--batch", str(batch), "--processes", "2"]
+    command = [sys.executable, "-m", "dntorch.cli", "sweep", *options, "--out", str(tmp_path)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        while len(done := list(tmp_path.glob("*/results.json"))) < batch:
+            assert process.poll() is None, process.stderr.read()
+            time.sleep(0.02)
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert f"of {len(seeds)} runs finished; the same command goes on" in errors
+    assert "Traceback" not in errors
+    folders = {path.parent for path in tmp_path.glob("*/*.pt")}
+    assert not all((folder / "results.json").exists() for folder in folders)  # saved half-way
+    times = {path: path.stat().st_mtime_ns for path in done}
+    subprocess.run(command, check=True, capture_output=True, timeout=240)
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "table.csv").read_text())))
+    assert [int(row["seed"]) for row in rows] == list(seeds)
+    if batch == 1:
+        assert {path: path.stat().st_mtime_ns for path in done} == times  # none runs twice
+    for row in rows[:3]:
+        alone = Trial(Config(world="nodes", steps=steps, explore=200, seed=int(row["seed"])))
+        alone.advance(steps)
+        values = alone.agent.weights.t()
+        assert torch.allclose(torch.tensor(json.loads(row["value_matrix"])), values, atol=1e-4)
+        assert int(row["behaviors"]) == len(alone.record.behaviors)
+
+
 def poison(task: sweep.Task) -> sweep.Table:
     if task.configs[0].seed == 1:
         os.kill(os.getpid(), signal.SIGKILL)

@@ -7,12 +7,14 @@ that was killed goes on from its checkpoint. So a sweep may itself be killed and
 
 import itertools
 import json
+import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -133,6 +135,12 @@ def settle() -> None:
     torch.set_num_threads(1)
 
 
+def _begin() -> None:
+    settle()
+    # Ctrl-C reaches all processes of a terminal: the main one passes it on as SIGTERM.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def run_settled(task: Task) -> Table:
     settle()
     return run(task)
@@ -151,13 +159,14 @@ def in_processes(
     """Tasks as they finish, over a pool of processes.
 
     A worker that is killed takes its pool with it, but no finished run: a new pool begins
-    with what was running, up to ``retries`` times for each task.
+    with what was running, up to ``retries`` times for each task. Whoever stops listening,
+    as after Ctrl-C, stops the workers; each saves where it stands.
     """
     waiting, killed = deque(tasks), Counter[Task]()
     while waiting:
         running: dict[Any, Task] = {}
         try:
-            with ProcessPoolExecutor(processes, get_context("spawn"), settle) as pool:
+            with ProcessPoolExecutor(processes, get_context("spawn"), _begin) as pool, _stopping():
                 while waiting or running:
                     while waiting and len(running) < processes:
                         running[pool.submit(unit, waiting[0])] = waiting[0]
@@ -174,6 +183,17 @@ def in_processes(
                     yield Finished(task, [], f"killed {killed[task]} times")
                 else:
                     waiting.append(task)
+
+
+@contextmanager
+def _stopping() -> Iterator[None]:
+    """Stop all workers if this process was asked to end: a pool would wait for their runs."""
+    try:
+        yield
+    except (KeyboardInterrupt, GeneratorExit):
+        for worker in active_children():
+            worker.terminate()
+        raise
 
 
 def on_ray(

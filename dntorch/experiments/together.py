@@ -13,6 +13,8 @@ from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import NOTHING, SequenceTask
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent
+from dntorch.experiments.learn import PORTION
+from dntorch.experiments.requests import postponed
 from dntorch.experiments.trial import Trial
 from dntorch.noise import Exploration
 
@@ -88,13 +90,21 @@ class Together:
         self.state = state
 
     def train(self, path: Path, save_every: int = 5_000) -> tuple[list[Trial], float]:
-        """To the end, from the checkpoint at ``path`` if there is one; also gives seconds."""
+        """To the end, from the checkpoint at ``path`` if there is one; also gives seconds.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C or SIGTERM came, and the batch is saved where it stands.
+        """
         if path.exists():
             self.load(path)
-        began = time.monotonic()
-        while self.steps < self.config.steps:
-            self.advance(save_every - self.steps % save_every)
-            checkpoint.save(path, self.content())
+        began, end = time.monotonic(), self.config.steps
+        with postponed() as asked:
+            while self.steps < end and not asked():
+                self.advance(min(PORTION, save_every - self.steps % save_every))
+                if self.steps % save_every == 0 or self.steps == end or asked():
+                    checkpoint.save(path, self.content())
+            if asked():
+                raise KeyboardInterrupt
         return [self.member(k) for k in range(len(self.configs))], time.monotonic() - began
 
     def content(self) -> dict:
