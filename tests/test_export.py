@@ -15,24 +15,42 @@ import onnxruntime
 import pytest
 import torch
 
-from dntorch.envs.epuck import EPuckEnv
+from dntorch.envs import EPuckEnv, HardwareEnv
 from dntorch.experiments.config import Config
 from dntorch.experiments.trial import Trial
 from dntorch.export import export_run, replay
 from dntorch.noise import Exploration
+from dntorch.robot.calibration import Calibration
+from dntorch.robot.clock import VirtualClock
+from dntorch.robot.dialects import Wifi
+from dntorch.robot.driver import Driver
+from dntorch.robot.emulator import WIFI_BODY, Emulator
+from dntorch.robot.firmware import WifiFirmware
+from dntorch.robot.servers import TcpServer
+from dntorch.robot.transports import Tcp
 
-RUNNER = Path(__file__).parents[1] / "examples" / "run_agent.py"
+EXAMPLES = Path(__file__).parents[1] / "examples"
+RUNNER = EXAMPLES / "run_agent.py"
 WEIGHTS = "learner.values.weights"
 
 
-def load_runner():
-    spec = importlib.util.spec_from_file_location("run_agent", RUNNER)
+#: What `dntorch learn --seed 1` had learned in the end, [state][action], in the order RGBY.
+LEARNED = [
+    [0.0, 1.0056953430175781, 0.004263313952833414, 0.0029460580553859472],
+    [0.003377665067091584, 0.0, 0.4442216157913208, 0.0008555123349651694],
+    [0.004567219875752926, 0.001972167519852519, 0.0, 0.6618044376373291],
+    [0.869457483291626, 0.0038175585214048624, 0.0008779268246144056, 0.0],
+]
+
+
+def load_example(path: Path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
-runner = load_runner()
+runner, epuck = load_example(RUNNER), load_example(EXAMPLES / "epuck.py")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -45,11 +63,9 @@ def one_thread():
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory) -> Path:
-    """A run whose values encode the sequence G-B-Y-R-G."""
-    config = Config(steps=100, explore=0, seed=1)
-    trial = Trial(config)
-    for state, action in zip("GBYR", "BYRG"):
-        trial.agent.weights[config.colors.index(action), config.colors.index(state)] = 0.5
+    """A run with the values of one that learned the sequence G-B-Y-R-G."""
+    trial = Trial(Config(steps=100, explore=0, seed=1))
+    trial.agent.weights.copy_(torch.tensor(LEARNED).t())
     folder = tmp_path_factory.mktemp("run")
     trial.save(folder / "checkpoint.pt")
     trial.close()
@@ -125,7 +141,7 @@ def test_the_manifest_says_what_a_robot_needs(manifest, exported) -> None:
     state = {port["name"]: port for port in manifest["state"]}
     assert state["behaviors.intention.u"]["rest"] == -5.0
     assert [name for name, port in state.items() if port["long_term"]] == [WEIGHTS]
-    assert np.array(state[WEIGHTS]["rest"])[2, 1] == 0.5
+    assert np.array_equal(np.array(state[WEIGHTS]["rest"], np.float32).T, np.float32(LEARNED))
     assert [port["rest"] for port in manifest["switches"]] == [1.0]
     source = manifest["source"]
     assert source["config"]["sequence"] == "GBYRG" and len(source["checkpoint_sha256"]) == 64
@@ -326,12 +342,19 @@ def test_a_function_says_invalid_and_gives_no_motion(name, exported, manifest) -
             np.testing.assert_array_equal(before, after)
 
 
-@pytest.mark.parametrize("image", [np.zeros((40, 52, 3), np.uint8), np.zeros((39, 52, 3))])
+@pytest.mark.parametrize(
+    ("image", "says"),
+    [
+        (np.zeros((40, 52, 3), np.uint8), "observation"),
+        (np.zeros((39, 52, 3)), "dtype mismatch! Expected: Byte|input data type.*expected: .tensor.uint8"),
+    ],
+    ids=["size", "dtype"],
+)
 @pytest.mark.parametrize("name", ["agent.pt2", "agent.onnx"])
-def test_a_function_refuses_another_image(name, image, exported, manifest) -> None:
+def test_a_function_refuses_another_image(name, image, says, exported, manifest) -> None:
     agent = stateless(exported, name, manifest)
     arrays = [image, np.array(0, np.float32), np.zeros((4, 4), np.float32), np.array(1, np.float32)]
-    with pytest.raises(Exception, match=r"observation|tensors_0|[Tt]ype"):
+    with pytest.raises(Exception, match=says):
         agent.call([*arrays, *agent.held.values()])
 
 
@@ -385,6 +408,51 @@ def test_the_runner_completes_the_sequence_twice_in_the_simulated_world(exported
     assert robot.rewarded == 2, robot.found
     assert "GBYRGBYRG" in "".join(robot.found)
     assert np.abs(agent.state()[WEIGHTS] - learned).max() > 1e-2  # it kept learning
+
+
+def test_the_runner_completes_the_sequence_twice_on_an_emulated_robot_over_tcp(exported) -> None:
+    """Through the robot's protocol: the agent at one end, all that is true at the other."""
+    true = {"found": [], "completed": 0, "new": False}
+
+    def see(info) -> None:
+        true["found"] += ["RGBY"[info["found"]]] if info["found"] >= 0 else []
+        true["completed"] += bool(info["completed"])
+        true["new"] |= bool(info["completed"])
+
+    def press() -> bool:
+        """Somebody watches the robot and rewards it."""
+        pressed, true["new"] = true["new"], False
+        return pressed
+
+    world, clock, server = EPuckEnv(body=WIFI_BODY), VirtualClock(), TcpServer()
+    world.reset(seed=1)
+    with Emulator(world, server, WifiFirmware("request"), clock, on_step=see) as emulator:
+        driver = Driver(Tcp(server.host, server.port, wait=0.0005), Wifi(), clock)
+        calibration = Calibration(fov=WIFI_BODY.fov)
+        robot = epuck.EPuck(HardwareEnv(driver, clock, calibration=calibration, key=press))
+        agent, count = runner.load(exported, "onnx"), {"steps": 0}
+        while true["completed"] < 2 and count["steps"] < 3000:
+            count = merged(count, runner.run(agent, robot, 100, clock=Paced(clock)))
+        assert true["completed"] == 2, true["found"]
+        assert "GBYRGBYRG" in "".join(true["found"])
+        assert count["bad frames"] == count["missed deadlines"] == 0
+        assert np.abs(agent.state()[WEIGHTS].T - LEARNED).max() > 1e-2  # it kept learning
+        robot.env.__exit__(None, None, None)
+        clock.sleep_until(clock.now() + 0.1)
+        assert emulator.speeds == (0, 0)
+    world.close()
+
+
+class Paced:
+    """The clock of the robot, as the runner wants it."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self.monotonic = clock.now
+        self.sleep = lambda seconds: clock.sleep_until(clock.now() + seconds)
+
+
+def merged(one: dict, other: dict) -> dict:
+    return {name: one.get(name, 0) + number for name, number in other.items()}
 
 
 class Still:

@@ -7,9 +7,10 @@ whoever runs a program holds its state, and can see, save and set it.
 
 import contextlib
 import importlib.util
+import inspect
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import torch
@@ -37,8 +38,18 @@ class Functional(nn.Module):
         self.takes = [port.name for port in ports]
         self.gives = ["valid", *(port.name for port in boundary.outputs)]
         self.gives += [NEXT + port.name for port in boundary.state]
+        self.forward = self._named()  # what torch.export complains about then has its name
 
-    def forward(self, *tensors: Tensor) -> tuple[Tensor, ...]:
+    def _named(self) -> Callable[..., tuple[Tensor, ...]]:
+        def forward(*tensors: Tensor) -> tuple[Tensor, ...]:
+            return self.step(*tensors)
+
+        kind = inspect.Parameter.POSITIONAL_ONLY
+        names = [inspect.Parameter(name.replace(".", "_"), kind) for name in self.takes]
+        forward.__signature__ = inspect.Signature(names)
+        return forward
+
+    def step(self, *tensors: Tensor) -> tuple[Tensor, ...]:
         first, last = len(self.boundary.inputs), len(self.takes) - len(self.boundary.state)
         inputs, switches, state = tensors[:first], tensors[first:last], tensors[last:]
         named = {f"structure.{p.name}": x for p, x in zip(self.boundary.switches, switches)}

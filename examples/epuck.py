@@ -1,0 +1,37 @@
+"""An e-puck2 over Wi-Fi for run_agent.py. Needs dntorch[robot] on the computer that drives.
+
+    EPUCK=tcp://192.168.1.1 python run_agent.py DIR --robot epuck.py:EPuck --seconds 60
+
+The robot stops at the end, after an error, and after Ctrl-C or a request to end. Nobody knows
+here what it found: to reward it, pass ``key=`` to `HardwareEnv`, asked once a step.
+"""
+
+import os
+
+import numpy as np
+
+from dntorch.envs import HardwareEnv
+from dntorch.robot.dialects import Wifi
+from dntorch.robot.driver import Driver
+from dntorch.robot.transports import transport_for
+
+
+class EPuck:
+    """What run_agent.py wants of a robot, from a `HardwareEnv`."""
+
+    def __init__(self, env: HardwareEnv | None = None) -> None:
+        address = os.environ.get("EPUCK", "tcp://192.168.1.1")
+        self.env = env or HardwareEnv(Driver(transport_for(address), Wifi()))
+        self.env.__enter__()  # from here on the end of the program stops the robot
+        self.image, self.rewarded = self.env.reset()[0]["image"], 0.0
+
+    def frame(self) -> np.ndarray:
+        return self.image
+
+    def drive(self, left: float, right: float) -> None:
+        """Takes a control step, in which the robot obeys."""
+        observation, self.rewarded, *_ = self.env.step(np.array([left, right]))
+        self.image = observation["image"]
+
+    def reward(self) -> float:
+        return self.rewarded
