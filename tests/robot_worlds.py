@@ -22,15 +22,18 @@ class Turntable:
         self.image = np.zeros((120, 160, 3), np.uint8)
         self.image[40:80, 60:100, 2] = 255  # blue, in the middle
 
-    def step(self, speeds):
+    def move(self, speeds):
         self.speeds.append(np.array(speeds))
         self.wheels = self.wheels + self.speeds[-1] * self.dt * STEPS
         self.steps += 1
-        return self.observe(), 0.0, False, False, {"steps": self.steps}
+        return 0.0, False, {"steps": self.steps}
 
-    def observe(self):
+    def look(self):
+        return self.image
+
+    def feel(self):
         count = [self.steps % 4000, self.steps // 4000, 0, 0, 0, 0, 0, 0]
-        return {"image": self.image, "wheels": self.wheels, "proximity": np.array(count)}
+        return {"wheels": self.wheels, "proximity": np.array(count)}
 
 
 def number(proximity):

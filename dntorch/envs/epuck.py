@@ -137,6 +137,11 @@ class EPuckEnv(gymnasium.Env):
         return self.observe(), self._info(seen)
 
     def step(self, action: np.ndarray):
+        reward, over, info = self.move(action)
+        return self.observe(), reward, False, over, info
+
+    def move(self, action: np.ndarray) -> tuple[float, bool, dict[str, Any]]:
+        """`step` without an observation: reward, whether the time is over, info."""
         self._require_reset()
         before = self._pose.yaw
         self._drive.step(self._speeds(action))
@@ -146,17 +151,18 @@ class EPuckEnv(gymnasium.Env):
         found = self._color(verdict.found)
         reward, completed, self._rewarded = self.task.step(torch.tensor(found), self._rewarded)
         over = self.max_seconds is not None and self._steps * self.dt >= self.max_seconds
-        info = self._info(verdict, bool(completed), yaw_rate)
-        return self.observe(), float(reward), False, over, info
+        return float(reward), over, self._info(verdict, bool(completed), yaw_rate)
 
     def render(self) -> np.ndarray | None:
         """The view from outside, uint8 (360, 480, 3), RGB; ``None`` without a render mode."""
-        if self.render_mode is None:
-            return None
+        return None if self.render_mode is None else self.view(self.pose)
+
+    def view(self, pose: Pose) -> np.ndarray:
+        """The view from outside, as in `render`, if the robot were at ``pose``."""
         self._require_reset()
         if self._spectator is None:
             self._spectator = Spectator(self.ring, self._light, self.body)
-        return self._spectator.view(self._pose, self._paints[self.layout])
+        return self._spectator.view(pose, self._paints[self.layout])
 
     def close(self) -> None:
         """Give both PyBullet clients back; a second call does nothing."""
@@ -170,6 +176,7 @@ class EPuckEnv(gymnasium.Env):
     @property
     def pose(self) -> Pose:
         """Where the robot truly is."""
+        self._require_reset()
         return self._pose
 
     @property
@@ -182,9 +189,16 @@ class EPuckEnv(gymnasium.Env):
 
     def observe(self) -> dict[str, np.ndarray]:
         """The observation at this moment; looking changes nothing."""
+        return {"image": self.look(), **self.feel()}
+
+    def look(self) -> np.ndarray:
+        """The image of an observation, which is what takes time in it."""
+        return sensors.image(self._scene, self.body, self._pose)
+
+    def feel(self) -> dict[str, np.ndarray]:
+        """An observation without its image."""
         steps = np.rint(self._drive.wheels * (STEPS_PER_TURN / math.tau))
         return {
-            "image": sensors.image(self._scene, self.body, self._pose),
             "wheels": steps.astype(np.float32),
             "proximity": sensors.proximity(self._scene, self._pose),
         }

@@ -17,8 +17,8 @@ from dntorch.robot.images import hue
 class Calibration:
     """What to correct; the default corrects nothing.
 
-    `correct` applies the first three to every image. The rest is for the agent, as the
-    arguments ``hue_centers``, ``fov`` and ``axle`` of ``FindColor``.
+    `correct` applies the first three to every image, and ``HardwareEnv`` shows it as large as
+    ``fov`` says. The rest is for the agent: `dntorch.experiments.robot.fit`.
 
     Raises:
         ValueError: a value that corrects nothing sensible, at once or from a file.
@@ -36,9 +36,11 @@ class Calibration:
     """rad, horizontal, after the rotation"""
     axle: float = EPUCK.axle
     """m, as the turning of the robot shows it"""
+    fps: float = 32.0
+    """images/s that come"""
 
     def __post_init__(self) -> None:
-        check_positive(fov=self.fov, axle=self.axle)
+        check_positive(fov=self.fov, axle=self.axle, fps=self.fps)
         if self.rotate not in (0, 90, 180, 270):
             raise ValueError(f"rotate={self.rotate!r}: choose 0, 90, 180 or 270")
         if len(self.gains) != 3 or not all(0 < gain < math.inf for gain in self.gains):

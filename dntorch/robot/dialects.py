@@ -20,6 +20,8 @@ class Dialect(Protocol):
 
     limit: int
     """largest speed that the motors follow"""
+    watchdog: float
+    """s without a frame after which the robot had better stand"""
 
     def hello(self) -> bytes:
         """Begin anew: speed 0, then whatever makes frames come."""
@@ -47,6 +49,7 @@ class Wifi:
     """
 
     limit = 1100  # MOTOR_SPEED_LIMIT of the main processor
+    watchdog = 0.5
 
     def __init__(self) -> None:
         self.hello()
@@ -92,6 +95,7 @@ class Sercom:
     """
 
     limit = 1000
+    watchdog = 0.8  # an image of 52x39 is 0.35 s on its way
     asked: tuple[int, ...] = (sercom.IMAGE, sercom.PROXIMITY, sercom.GET_STEPS)
     answers = sercom.ANSWERS
 

@@ -19,6 +19,11 @@ from dntorch.robot.servers import Link, Server
 #: fov: 640x480 sensor pixels with a focal length of 941 (cyberbotics/epuck_ros2, camera.yaml).
 WIFI_BODY = Body(fov=0.656, width=160, height=120, speed_cap=1100 * math.tau / STEPS_PER_TURN)
 
+#: The body of an e-puck over a serial line: 52 columns of 8 sensor pixels each, 416 in all.
+SERCOM_BODY = Body(fov=0.435, width=52, height=39, speed_cap=1000 * math.tau / STEPS_PER_TURN)
+
+BODIES = {"wifi": WIFI_BODY, "sercom": SERCOM_BODY, "sercom2": SERCOM_BODY}
+
 #: Bytes/s of a serial line of 115200 baud.
 SERIAL = 11520
 
@@ -28,7 +33,14 @@ class World(Protocol):
 
     dt: float
 
-    def step(self, action: np.ndarray) -> tuple: ...
+    def move(self, action: np.ndarray) -> tuple[float, bool, dict[str, Any]]:
+        """One step under wheel speeds in rad/s; what the world alone knows comes last."""
+
+    def look(self) -> np.ndarray:
+        """What the camera sees, RGB."""
+
+    def feel(self) -> dict[str, np.ndarray]:
+        """``wheels``, motor steps since the reset, and ``proximity``."""
 
 
 class Emulator:
@@ -77,6 +89,11 @@ class Emulator:
         """motor steps/s that are in force."""
         return self.firmware.speeds
 
+    @property
+    def connected(self) -> bool:
+        """Whether there is a client, as far as the robot can tell."""
+        return self._link is not None
+
     def start(self) -> None:
         self._task = self.clock.every(self.world.dt, self.tick)
 
@@ -99,13 +116,14 @@ class Emulator:
         """One step of the world."""
         self._listen()
         speeds = np.array(self.speeds) * (math.tau / STEPS_PER_TURN)
-        observation, *_, info = self.world.step(speeds)
+        *_, info = self.world.move(speeds)
         self.steps += 1
         self.on_step(info)
-        self._capture(observation["image"])
-        if self._link is not None and not self._outbox:
-            self._speak(self._sensors(observation))
-        self._send()
+        if self._link is not None:
+            self._capture()
+            if not self._outbox:
+                self._speak()
+            self._send()
 
     # ---------------------------------------------------------------- the link
 
@@ -121,8 +139,8 @@ class Emulator:
         elif data is None and self.firmware.farewell():
             self._drop()
 
-    def _speak(self, sensors: wifi.Sensors) -> None:
-        packets = self.firmware.give(self._look, sensors)
+    def _speak(self) -> None:
+        packets = self.firmware.give(self._look, self._feel)
         if not packets:
             return
         plan = self.faults.apply(packets, self.clock.now())
@@ -135,7 +153,7 @@ class Emulator:
         """What is due, as far as there is room; the robot composes nothing new meanwhile."""
         budget = math.inf if self.bandwidth is None else int(self.bandwidth * self.world.dt)
         try:
-            while self._link and self._outbox and self._due(self._outbox[0][0]) and budget > 0:
+            while self._outbox and self._due(self._outbox[0][0]) and budget > 0:
                 due, data = self._outbox.popleft()
                 part = data if len(data) <= budget else data[: int(budget)]
                 sent = self._link.offer(part)
@@ -150,17 +168,18 @@ class Emulator:
         self._link.close()
         self._link = None
         self._outbox.clear()
+        self._images.clear()
 
     # ---------------------------------------------------------------- senses
 
-    def _capture(self, image: np.ndarray) -> None:
+    def _capture(self) -> None:
         """A new image, if it is time for one; only the newest of those that are ready is kept."""
         now, fps = self.clock.now(), self.camera.fps
         if fps is not None:
             if not self._due(self._exposed):
                 return
             self._exposed = max(self._exposed + 1 / fps, now)
-        self._images.append((now + self.camera.latency, self.steps, image))
+        self._images.append((now + self.camera.latency, self.steps, self.world.look()))
         while len(self._images) > 1 and self._due(self._images[1][0]):
             self._images.popleft()
 
@@ -176,12 +195,13 @@ class Emulator:
     def _due(self, moment: float) -> bool:
         return moment <= self.clock.now() + 1e-9
 
-    def _sensors(self, observation: dict[str, np.ndarray]) -> wifi.Sensors:
-        true = np.rint(observation["wheels"]).astype(np.int64)
+    def _feel(self) -> wifi.Sensors:
+        felt = self.world.feel()
+        true = np.rint(felt["wheels"]).astype(np.int64)
         if self.firmware.counters is not None:
             self._offset, self.firmware.counters = self.firmware.counters - true, None
         steps = (true + self._offset + 32768) % 65536 - 32768
-        proximity = np.rint(observation["proximity"]).astype(int)
+        proximity = np.rint(felt["proximity"]).astype(int)
         return wifi.Sensors(
             accelerometer=(0, 0, 800), acceleration=800.0, temperature=25, battery=950,
             proximity=tuple(proximity.tolist()), steps=tuple(steps.tolist()), selector=15,

@@ -16,6 +16,9 @@ PACINGS = ("firmware", "webots", "request")
 Look = Callable[[], np.ndarray | None]
 """Takes the next image, RGB; ``None`` while the camera has no new one."""
 
+Feel = Callable[[], wifi.Sensors]
+"""Reads the sensors."""
+
 
 class Firmware(Protocol):
     """One robot's program."""
@@ -30,7 +33,7 @@ class Firmware(Protocol):
     def take(self, data: bytes) -> None:
         """What the host said."""
 
-    def give(self, look: Look, sensors: wifi.Sensors) -> list[bytes]:
+    def give(self, look: Look, feel: Feel) -> list[bytes]:
         """Packets that are sent now."""
 
     def greet(self) -> None:
@@ -90,7 +93,7 @@ class WifiFirmware:
         else:
             self.speeds = clip(command[:2], self.limit)
 
-    def give(self, look: Look, sensors: wifi.Sensors) -> list[bytes]:
+    def give(self, look: Look, feel: Feel) -> list[bytes]:
         request = self._request
         if request is None:
             return []
@@ -98,7 +101,7 @@ class WifiFirmware:
         if request & wifi.ASK_IMAGE and image is None:
             return []
         packets = [b"\1" + rgb565.encode(resample(image, 160, 120))] if image is not None else []
-        packets += [wifi.encode_packet(sensors)] if request & wifi.ASK_SENSORS else []
+        packets += [wifi.encode_packet(feel())] if request & wifi.ASK_SENSORS else []
         if self.pacing == "request":
             self._request = None
         if self.pacing == "webots":
@@ -121,6 +124,8 @@ def build_firmware(protocol: str, pacing: str = "firmware") -> Firmware:
         return WifiFirmware(pacing)
     if protocol not in ("sercom", "sercom2"):
         raise ValueError(f"protocol={protocol!r} is unknown: choose wifi, sercom or sercom2")
+    if pacing == "webots":
+        raise ValueError(f"pacing={pacing!r} is of wifi alone: {protocol} answers in turn")
     from dntorch.robot.firmware_sercom import SercomFirmware  # which builds on this file
 
     return SercomFirmware(2 if protocol == "sercom2" else 1)

@@ -7,7 +7,7 @@ the e-puck2's main processor.
 import numpy as np
 
 from dntorch.robot.codecs import Stream, rgb565, sercom, sercom2, wifi
-from dntorch.robot.firmware import Look, clip
+from dntorch.robot.firmware import Feel, Look, clip
 from dntorch.robot.images import resample
 
 
@@ -84,24 +84,25 @@ class SercomFirmware:
         fits = fits and (1 + mode) * width * height <= self.room
         self.camera = camera if fits else (1, 40, 40, 8)
 
-    def give(self, look: Look, sensors: wifi.Sensors) -> list[bytes]:
+    def give(self, look: Look, feel: Feel) -> list[bytes]:
         packets = []
         while self._waiting:
-            answer = self._answer(self._waiting[0], look, sensors)
+            answer = self._answer(self._waiting[0], look, feel)
             if answer is None:
                 break
             packets += [answer] if answer else []
             self._waiting.pop(0)
         return packets
 
-    def _answer(self, request, look: Look, sensors: wifi.Sensors) -> bytes | None:
+    def _answer(self, request, look: Look, feel: Feel) -> bytes | None:
         if isinstance(request, sercom.Text):
-            return self._text(request.letter, sensors).encode() + b"\r\n"
+            return self._text(request.letter, feel()).encode() + b"\r\n"
         image = None
         if any(code == sercom.IMAGE for code, _ in request):
             image = look()
             if image is None:
                 return None
+        sensors = feel()
         return b"".join(self._code(code, image, sensors) for code, _ in request)
 
     def _text(self, letter: str, sensors: wifi.Sensors) -> str:

@@ -1,0 +1,41 @@
+"""The PyBullet world behind a robot's protocol: what stands in for a robot."""
+
+from typing import Any
+
+from dntorch.envs.epuck import EPuckEnv
+from dntorch.robot.clock import Clock
+from dntorch.robot.emulator import BODIES, SERIAL, Emulator
+from dntorch.robot.firmware import build_firmware
+from dntorch.robot.servers import Server
+
+
+def emulate(
+    server: Server,
+    clock: Clock | None = None,
+    *,
+    protocol: str = "wifi",
+    pacing: str = "firmware",
+    layout: int = 0,
+    world: dict[str, Any] | None = None,
+    **worse: Any,
+) -> Emulator:
+    """An emulated e-puck amid its ring of blocks.
+
+    Args:
+        server: where clients come from.
+        clock: real time unless you say otherwise.
+        protocol: ``wifi``, ``sercom`` or ``sercom2``; the latter two over a serial line of
+            115200 baud.
+        pacing: of ``wifi``: ``firmware``, ``webots`` or ``request``.
+        layout: seed of the order of the colours.
+        world: other arguments of `EPuckEnv`.
+        worse: ``camera``, ``faults``, ``on_step`` of `Emulator`.
+
+    Raises:
+        ValueError: an unknown protocol or pacing, or a pacing that the protocol does not have.
+    """
+    firmware = build_firmware(protocol, pacing)
+    ring = EPuckEnv(**{"body": BODIES[protocol], "layout_seed": layout, **(world or {})})
+    ring.reset(seed=layout)
+    bandwidth = None if protocol == "wifi" else SERIAL
+    return Emulator(ring, server, firmware, clock, bandwidth=bandwidth, **worse)
