@@ -1,7 +1,13 @@
 """Populations equal single runs; what `reproduce` writes, and how it goes on."""
 
 import json
+import os
+import re
+import signal
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -208,3 +214,53 @@ def test_the_page_has_a_verdict_for_every_claim(no_compiler, tmp_path) -> None:
     made = claims(study)
     assert len(made) > 15 and {c.verdict for c in made} <= {YES, NO, UNTESTABLE}
     assert page.count("<tr><td>") == len(made) and (tmp_path / "results.png").exists()
+
+
+CAMERA = "--world epuck --runs 2 --steps 600 --explore 500 --seed 3 --processes 1".split()
+
+
+def dntorch(*arguments: object) -> subprocess.Popen:
+    command = [sys.executable, "-m", "dntorch.cli", "reproduce", *map(str, arguments)]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+
+
+@pytest.fixture(scope="module")
+def camera(tmp_path_factory) -> Path:
+    """A folder of finished runs in PyBullet."""
+    folder = tmp_path_factory.mktemp("camera") / "whole"
+    process = dntorch(*CAMERA, "--out", folder)
+    output, errors = process.communicate(timeout=300)
+    assert process.returncode == 0, errors.decode()[-2000:]
+    assert b"report:" in output
+    return folder
+
+
+def test_camera_runs_are_the_trials_of_their_seeds(camera: Path) -> None:
+    results = json.loads((camera / "results.json").read_text())
+    assert results["world"] == "epuck" and results["neural"]["found"][1] == 2
+    trial = Trial(Config(world="epuck", seed=4, steps=600, explore=500))
+    trial.advance(600)
+    events = np.load(camera / "parts" / "camera-4.npz")
+    steps = np.flatnonzero(trial.record.reported >= 0)
+    assert len(steps) > 2
+    np.testing.assert_array_equal(events["steps"], steps)
+    np.testing.assert_array_equal(events["weights"][-1], trial.agent.weights.t())
+    trial.close()
+    assert (camera / "dynamics.png").exists() or results["neural"]["found"][0] == 0
+
+
+def test_camera_runs_go_on_after_ctrl_c(camera: Path, tmp_path: Path) -> None:
+    process, seen = dntorch(*CAMERA, "--out", tmp_path / "stopped"), b""
+    while not re.search(rb"\| [1-9]", seen):  # it has begun to step
+        seen += os.read(process.stderr.fileno(), 4096)
+    process.send_signal(signal.SIGINT)
+    assert b"go on with: dntorch reproduce --resume" in process.communicate(timeout=120)[1]
+    assert process.returncode == 130
+    assert not (tmp_path / "stopped" / "results.json").exists()
+    process = dntorch("--resume", tmp_path / "stopped")
+    process.communicate(timeout=300)
+    stopped, whole = (
+        json.loads((folder / "results.json").read_text()) | {"duration_seconds": 0}
+        for folder in (tmp_path / "stopped", camera)
+    )
+    assert stopped == whole

@@ -24,7 +24,8 @@ def test_wilson() -> None:
 def test_equivalence_of_proportions_can_fail() -> None:
     same = st.equivalent_proportions((800, 800), (600, 600), 0.02)
     assert same["p"] < 0.001
-    assert st.equivalent_proportions((20, 20), (20, 20), 0.02)["p"] > 0.05  # too few to say
+    few = st.equivalent_proportions((20, 20), (20, 20), 0.02)
+    assert few["p"] > 0.05 and not few["decidable"] and same["decidable"]
     assert st.equivalent_proportions((780, 800), (800, 800), 0.02)["p"] > 0.05
     assert st.equivalent_proportions((0, 0), (5, 5), 0.02)["p"] == 1.0
 
@@ -33,6 +34,9 @@ def test_equivalence_of_means_can_fail() -> None:
     random = np.random.default_rng(0)
     a, b = random.normal(100, 60, (2, 800))
     assert st.equivalent_means(a, b, 0.2)["p"] < 0.01
+    assert not st.equivalent_means(a[:9], b[:9], 0.2)["decidable"]
+    different = st.equivalent_means(2 * a, b, 0.2)
+    assert different["p"] > 0.99 and different["decidable"]
     assert st.equivalent_means(a * 1.25, b, 0.2)["p"] > 0.05
     assert st.equivalent_means(a[:5], b[:5], 0.2)["p"] > 0.05
 
@@ -52,7 +56,8 @@ def test_chi_square() -> None:
     # Fair die of Wikipedia's example, 60 throws: 5, 8, 9, 8, 10, 20.
     test = st.uniformity(np.array([5, 8, 9, 8, 10, 20]))
     assert test["chi2"] == pytest.approx(13.4) and test["dof"] == 5
-    assert test["p"] == pytest.approx(0.0199, abs=1e-4)
+    assert test["p"] == pytest.approx(0.0199, abs=1e-4) and test["decidable"]
+    assert not st.uniformity(np.zeros(6, int))["decidable"]
 
 
 def test_theory_of_the_trace_is_what_the_memory_does() -> None:

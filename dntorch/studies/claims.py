@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from dntorch.studies.predictions import predictions
-from dntorch.studies.statistics import summary, wilson
+from dntorch.studies.statistics import ALPHA, summary, wilson
 from dntorch.studies.study import Study
 
 YES, NO, UNTESTABLE = "reproduced", "not reproduced", "not testable"
@@ -62,7 +62,7 @@ def _exploration(r: dict, p: dict, study: Study) -> list[Claim]:
             f"before last {e['return_share']:.3f} instead of {e['return_share_if_uniform']:.3f}; "
             f"chance of the sequence a behaviour {e['chance_of_the_sequence']:.5f} instead of "
             f"{e['chance_if_uniform']:.5f}",
-            verdict(e["p"] > 0.05),
+            verdict(e["p"] > ALPHA, e["decidable"]),
         ),
         Claim(
             "Fig. (c) shows the time at which the sequence was first uncovered",
@@ -81,6 +81,7 @@ def _learning(r: dict, p: dict) -> list[Claim]:
     bound = p["optimal_given_found"]["at_least_lower_bound"]
     late, found = neural["optimal_only_in_exploitation"]
     unlearned, number = r["shortcuts"]["unlearned"]
+    rare = p["late_share"]["predicted_at_most"]
     few = f" (no {bound} can be shown with {n} runs: all must be optimal)" if n < 381 else ""
     first, last = error["at_first_find"], error["last_40"]
     ratio = last / first if first and last is not None else None
@@ -96,7 +97,7 @@ def _learning(r: dict, p: dict) -> list[Claim]:
             p["late_share"]["paper"],
             "share of found runs whose values execute the sequence only later",
             share(neural, "optimal_only_in_exploitation"),
-            verdict(late > 0, found > 0),
+            verdict(late > 0, late > 0 or wilson(0, found)[1] < rare),
         ),
         Claim(
             "Learning in the exploitation phase consists primarily of unlearning incorrect "
@@ -135,7 +136,7 @@ def _level(r: dict, p: dict) -> list[Claim]:
                     f"{what}, against discrete SARSA(λ) {other}: two one-sided tests, margin "
                     f"{e[key]['margin']}",
                     f"{number} {value:+.3f}, p = {e[key]['p']:.2g}" if value is not None else "–",
-                    verdict(e[key]["p"] < 0.05, value is not None),
+                    verdict(e[key]["p"] < ALPHA, e[key]["decidable"]),
                 )
             )
     for name, sentence, bound in (
@@ -147,7 +148,8 @@ def _level(r: dict, p: dict) -> list[Claim]:
         label = "discrete TD(0)" if name == "td0" else "the same neural model, trace of one item"
         rows.append(
             Claim(sentence, f"P(optimal | found) of {label}, at most {bound}",
-                  share(r[name], "optimal_given_found"), verdict(n > 0 and k / n <= bound, n > 0))
+                  share(r[name], "optimal_given_found"),
+                  verdict(wilson(k, n)[1] <= bound, wilson(k, n)[1] <= bound or k > bound * n))
         )  # fmt: skip
     return rows
 

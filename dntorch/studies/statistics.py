@@ -6,6 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize, stats
 
+ALPHA = 0.05
+"""Level of every test."""
+
 
 class Fit(NamedTuple):
     """Least squares without intercept."""
@@ -51,44 +54,61 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float,
 
 def equivalent_proportions(
     a: tuple[int, int], b: tuple[int, int], margin: float
-) -> dict[str, float | None]:
+) -> dict[str, float | bool | None]:
     """Two one-sided tests that two proportions (k, n) differ by less than ``margin``.
 
     Score tests of Farrington and Manning, which stay valid when a proportion is 0 or 1
-    (statsmodels, method "score"): the p value is that of the weaker side.
+    (statsmodels, method "score"): the p value is that of the weaker side. ``decidable`` says
+    whether so many runs could have shown it: all of both succeed, and p is below `ALPHA`.
     """
+    if a[1] == 0 or b[1] == 0:
+        return {"difference": None, "p": 1.0, "margin": margin, "decidable": False}
+    return {
+        "difference": a[0] / a[1] - b[0] / b[1],
+        "p": _weaker_side(a, b, margin),
+        "margin": margin,
+        "decidable": _weaker_side((a[1], a[1]), (b[1], b[1]), margin) < ALPHA,
+    }
+
+
+def _weaker_side(a: tuple[int, int], b: tuple[int, int], margin: float) -> float:
     from statsmodels.stats.proportion import score_test_proportions_2indep as score
 
-    if a[1] == 0 or b[1] == 0:
-        return {"difference": None, "p": 1.0, "margin": margin}
-    difference = a[0] / a[1] - b[0] / b[1]
-    p = [
+    return max(
         # Degenerate variance (all or none succeed in both) cannot occur at a shifted value.
         float(score(*a, *b, value=value, alternative=side, correction=False).pvalue)
         for value, side in ((-margin, "larger"), (margin, "smaller"))
-    ]
-    return {"difference": difference, "p": max(p), "margin": margin}
+    )
 
 
-def equivalent_means(a: np.ndarray, b: np.ndarray, margin: float) -> dict[str, float | None]:
-    """Two one-sided Welch tests that the mean of ``a`` is within ``margin`` (a share) of b's."""
+def equivalent_means(a: np.ndarray, b: np.ndarray, margin: float) -> dict[str, float | bool | None]:
+    """Two one-sided Welch tests that the mean of ``a`` is within ``margin`` (a share) of b's.
+
+    ``decidable`` says whether so many values, spread as they are, could have shown it: with
+    equal means p is below `ALPHA`.
+    """
     from statsmodels.stats.weightstats import ttost_ind
 
     if len(a) < 2 or len(b) < 2:
-        return {"ratio": None, "p": 1.0, "margin": margin}
-    width = margin * float(np.mean(b))
-    p, _, _ = ttost_ind(a, b, -width, width, usevar="unequal")
-    return {"ratio": float(np.mean(a) / np.mean(b)), "p": float(p), "margin": margin}
-
-
-def uniformity(counts: np.ndarray) -> dict[str, float | int]:
-    """Chi-square test of equal frequencies."""
-    test = stats.chisquare(counts)
+        return {"ratio": None, "p": 1.0, "margin": margin, "decidable": False}
+    mean, other = float(np.mean(a)), float(np.mean(b))
+    bounds = (-margin * other, margin * other)
+    p, same = (ttost_ind(x, b, *bounds, usevar="unequal")[0] for x in (a, a - mean + other))
     return {
-        "chi2": float(test.statistic),
-        "dof": len(counts) - 1,
-        "p": float(test.pvalue),
-        "cramers_v": math.sqrt(test.statistic / max(counts.sum() * (len(counts) - 1), 1)),
+        "ratio": mean / other, "p": float(p), "margin": margin, "decidable": bool(same < ALPHA),
+    }  # fmt: skip
+
+
+def uniformity(counts: np.ndarray) -> dict[str, float | int | bool]:
+    """Chi-square test of equal frequencies; ``decidable`` with five or more expected in each."""
+    dof, total = len(counts) - 1, counts.sum()
+    chi2, p = stats.chisquare(counts) if total else (0.0, 1.0)
+    return {
+        "chi2": float(chi2),
+        "dof": dof,
+        "p": float(p),
+        "cramers_v": math.sqrt(chi2 / max(total * dof, 1)),
+        "decidable": bool(counts.mean() >= 5),
     }
 
 
