@@ -9,7 +9,13 @@ import torch
 from tqdm import tqdm
 
 import dntorch as library
-from dntorch import commands_export, commands_reproduce, commands_sweep
+from dntorch import (
+    commands_emulate,
+    commands_export,
+    commands_reproduce,
+    commands_robot,
+    commands_sweep,
+)
 from dntorch.experiments import learn as learning
 from dntorch.experiments.config import WORLDS, Config
 from dntorch.experiments.logs import LOGGERS, open_log
@@ -29,9 +35,11 @@ def dntorch() -> None:
     torch.set_num_threads(1)
 
 
+dntorch.add_command(commands_emulate.emulate)
 dntorch.add_command(commands_export.export)
 dntorch.add_command(commands_export.verify)
 dntorch.add_command(commands_reproduce.reproduce)
+dntorch.add_command(commands_robot.robot)
 dntorch.add_command(commands_sweep.sweep)
 
 

@@ -1,5 +1,6 @@
 """Commands that take an agent out of this package, and check what came out."""
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -16,7 +17,12 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
     type=click.Choice(["aotinductor", "executorch"]),
     help="Formats besides TorchScript, torch.export and ONNX; may be given twice.",
 )
-def export(run: Path, folder: Path, also: tuple[str, ...]) -> None:
+@click.option(
+    "--calibration",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Of `dntorch robot calibrate`: for that robot.  [default: for the simulated one]",
+)
+def export(run: Path, folder: Path, also: tuple[str, ...], calibration: Path | None) -> None:
     """Export the agent of a RUN, to go on elsewhere without this package.
 
     The folder gets agent.ts, agent.pt2, agent.onnx, manifest.json, a golden record of the
@@ -25,7 +31,13 @@ def export(run: Path, folder: Path, also: tuple[str, ...]) -> None:
     from dntorch.export import export_run
     from dntorch.export.artefacts import DEFAULT
 
-    export_run(run, folder, (*DEFAULT, *also))
+    options = {}
+    if calibration:
+        from dntorch.experiments.robot import fit
+        from dntorch.robot.calibration import Calibration
+
+        options = {"prepare": partial(fit, calibration=Calibration.load(calibration))}
+    export_run(run, folder, (*DEFAULT, *also), **options)
     for file in sorted(folder.iterdir()):
         click.echo(f"{file.stat().st_size:>10,}  {file}")
 

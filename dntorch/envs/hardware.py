@@ -111,6 +111,13 @@ class HardwareEnv(gymnasium.Env):
         self._due = self.clock.now()
         return self._observe(), self._info((0.0, 0.0), NOTHING, False, True, 0.0)
 
+    @property
+    def frame(self) -> Frame:
+        """The newest frame, as it came."""
+        if self._frame is None:
+            raise gymnasium.error.ResetNeeded("the robot is not ready: call reset() first")
+        return self._frame
+
     def report(self, found: int) -> None:
         """Say which colour (position in ``colors``) the agent has found, for the next step."""
         if not 0 <= found < len(self.colors):

@@ -10,6 +10,7 @@ from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent, build_exploration
 from dntorch.experiments.record import Record
 from dntorch.experiments.worlds import build_world
+from dntorch.modules.sarsa import DNSarsa
 
 
 class Trial:
@@ -86,3 +87,19 @@ class Trial:
         except (KeyError, TypeError) as error:
             raise ValueError(f"{path} is of another version of dntorch: {error}") from error
         return trial
+
+
+def load_trained(path: Path) -> tuple[DNSarsa, Config]:
+    """The agent of a checkpoint, with what it learned, without its world.
+
+    Raises:
+        ValueError: as `Trial.load`.
+    """
+    content = checkpoint.load(path)
+    try:
+        config = Config(**content["config"])
+        agent = build_agent(config)
+        agent.restore(content["agent"])
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"{path} is of another version of dntorch: {error}") from error
+    return agent, config

@@ -40,6 +40,8 @@ class Moment(NamedTuple):
     found: int
     rewards: int
     rewarded: bool
+    title: str = "outside"
+    """of the panel that shows ``outside``"""
 
 
 def write_video(
@@ -58,9 +60,24 @@ def write_video(
     Raises:
         RuntimeError: this OpenCV cannot write, or read again, WebM films (VP8).
     """
+    actor, stride = copy.deepcopy(agent), stride_of(fps, config)
+    steps = max_steps or STEPS_EACH * behaviors
+    return film(actor, config, _play(actor, config, behaviors, stride, steps), path, fps)
+
+
+def stride_of(fps: int, config: Config) -> int:
+    """Control steps from one picture of a film in real time to the next."""
+    return max(1, round(1 / (fps * config.dt)))
+
+
+def film(agent: DNSarsa, config: Config, moments: Iterator[Moment], path: Path, fps: int) -> Path:
+    """Write a film of what an agent does: it is drawn as it is when each moment comes.
+
+    Raises:
+        RuntimeError: as `write_video`.
+    """
     path = Path(path)
     partial = path.with_name(f".{path.stem}.part.webm")
-    stride = max(1, round(1 / (fps * config.dt)))
     writer = cv2.VideoWriter(str(partial), cv2.VideoWriter.fourcc(*"VP80"), fps, SIZE)
     try:
         if not writer.isOpened():
@@ -68,13 +85,11 @@ def write_video(
                 f"OpenCV {cv2.__version__} cannot write {path} as WebM with VP8: is the folder "
                 "there? If so, install opencv-python-headless from PyPI"
             )
-        actor = copy.deepcopy(agent)
-        moments = _play(actor, config, behaviors, stride, max_steps or STEPS_EACH * behaviors)
         # Frames are encoded while the world moves on.
         with ThreadPoolExecutor(1) as pool, contextlib.closing(moments):
             written = pool.submit(int)
             for moment in moments:
-                frame = cv2.cvtColor(draw(actor, config, moment), cv2.COLOR_RGB2BGR)
+                frame = cv2.cvtColor(draw(agent, config, moment), cv2.COLOR_RGB2BGR)
                 written.result()
                 written = pool.submit(writer.write, frame)
         writer.release()
@@ -131,7 +146,7 @@ def draw(agent: DNSarsa, config: Config, moment: Moment) -> np.ndarray:
     outside = cv2.resize(moment.outside, (WIDE, HEIGHT), interpolation=cv2.INTER_AREA)
     _header(frame, config, moment)
     for x, y, title, note, picture in (
-        (COLUMNS[0], top, "outside", "", outside),
+        (COLUMNS[0], top, moment.title, "", outside),
         (COLUMNS[1], top, "camera", "", _camera(moment.image, colors, intention)),
         (COLUMNS[2], top, "perceptual field", "hue by column", _field(fields["perception"])),
         (COLUMNS[3], top, "motor field", "heading", _curve(fields["heading"])),

@@ -1,7 +1,7 @@
 """From a trained agent's checkpoint to artefacts, with a record of it at work."""
 
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,12 @@ from dntorch.colors import HUES, NAMES
 from dntorch.envs.task import NOTHING
 from dntorch.experiments.config import Config, build_exploration
 from dntorch.experiments.learn import CHECKPOINT
-from dntorch.experiments.trial import Trial
+from dntorch.experiments.trial import load_trained
 from dntorch.experiments.worlds import World, build_world
 from dntorch.export.artefacts import DEFAULT, checksum, write
 from dntorch.export.boundary import Boundary
 from dntorch.export.golden import Golden, Outcome, record
+from dntorch.modules.sarsa import DNSarsa
 
 SECONDS = 28.2
 """Length of the golden record; at 32 control steps a second 902."""
@@ -24,28 +25,33 @@ UNITS = {"observation": "RGB 0-255, row 0 at the top", "action": "rad/s, left wh
 ABSTRACT = {"observation": "match of each behaviour, 0-1", "action": "intentions, 0-1"}
 
 
-def export_run(run: Path, folder: Path, runtimes: Sequence[str] = DEFAULT) -> Path:
+def export_run(
+    run: Path,
+    folder: Path,
+    runtimes: Sequence[str] = DEFAULT,
+    prepare: Callable[[DNSarsa, Config], DNSarsa] = lambda agent, config: agent,
+) -> Path:
     """Export the agent of a run: what it learned, at rest.
 
     Args:
         run: a folder that ``dntorch learn`` wrote.
         folder: where to; made if need be.
         runtimes: of `RUNTIMES`.
+        prepare: makes of the agent what is exported, such as one that fits a robot.
 
     Raises:
         ValueError: no run there; an agent that never completes two behaviours.
         ImportError: a package for one of the formats is missing.
     """
-    trial = Trial.load(run / CHECKPOINT)
-    trial.close()
-    agent, config = trial.agent, trial.config
+    agent, config = load_trained(run / CHECKPOINT)
+    agent = prepare(agent, config)
     agent.reset()
     agent.learn()
     observation = build_and_reset(config)
     boundary = Boundary(agent, observation, torch.zeros(()), torch.zeros(agent.n, agent.n))
     golden = closed_loop(boundary, config)
     about = _about(boundary, config)
-    about["source"] |= {"checkpoint_sha256": checksum(run / CHECKPOINT), "steps": trial.step}
+    about["source"]["checkpoint_sha256"] = checksum(run / CHECKPOINT)
     return write(boundary, golden, folder, runtimes, "agent", about)
 
 

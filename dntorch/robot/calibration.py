@@ -76,7 +76,7 @@ class Calibration:
         try:
             values = json.loads(Path(path).read_text(encoding="utf-8"))
             return cls(**{**values, "gains": tuple(values.get("gains", (1.0, 1.0, 1.0)))})
-        except (TypeError, AttributeError, json.JSONDecodeError) as error:
+        except (TypeError, AttributeError, UnicodeError, json.JSONDecodeError) as error:
             raise ValueError(f"{path} is no calibration: {error}") from error
 
 

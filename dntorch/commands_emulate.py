@@ -1,0 +1,72 @@
+"""The command that serves an emulated robot."""
+
+import signal
+import sys
+import time
+from contextlib import closing, suppress
+from typing import TYPE_CHECKING, Any
+
+import click
+from tqdm import tqdm
+
+from dntorch.colors import PAPER
+from dntorch.commands_target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
+
+if TYPE_CHECKING:
+    from dntorch.robot.emulator import Emulator
+    from dntorch.robot.servers import Server
+
+
+@click.command()
+@PROTOCOL
+@PACING
+@CAMERA
+@FAULT
+@LAYOUT
+@click.option(
+    "--colors", default=PAPER, show_default=True, help="Of the blocks around it, of ROYGCBVM."
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Where to listen.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="TCP port.  [default: a free one]"
+)
+@click.option("--pty", is_flag=True, help="A pseudo-terminal instead of a TCP port.")
+def emulate(host: str, port: int, pty: bool, colors: str, **options: Any) -> None:
+    """Serve an emulated e-puck in its ring of blocks.
+
+    As with the real one, nothing stops the motors but a command. Ctrl-C ends it.
+    """
+    # A process in the background begins with Ctrl-C ignored.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    with closing(_server(host, port, pty)) as server:
+        emulator = build_emulator(server, world={"colors": colors}, **options)
+        with emulator, suppress(KeyboardInterrupt):
+            click.echo(f"{options['protocol']} at {server.address}")
+            sys.stdout.flush()
+            _watch(emulator)
+    click.echo(f"{emulator.steps} steps, faults: {dict(emulator.faults.counts)}")
+
+
+def _watch(emulator: "Emulator") -> None:
+    with tqdm(unit="step", mininterval=0.5) as bar:
+        while True:
+            left, right = emulator.speeds
+            client = "connected" if emulator.connected else "none"
+            bar.set_postfix_str(f"client: {client}, motors: {left} {right} steps/s", refresh=False)
+            bar.update(emulator.steps - bar.n)
+            time.sleep(0.1)
+
+
+def _server(host: str, port: int, pty: bool) -> "Server":
+    from dntorch.robot.servers import PtyServer, TcpServer
+
+    if pty:
+        return PtyServer()
+    try:
+        return TcpServer(host, port)
+    except OSError as error:
+        raise ValueError(
+            f"--port={port} on --host={host}: {error.strerror}; name another, ports below 1024 "
+            "need rights"
+        ) from error

@@ -1,0 +1,248 @@
+"""Commands that drive a robot: a real one that was named, or an emulator of their own."""
+
+import json
+import select
+import signal
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from tqdm import tqdm
+
+from dntorch.colors import PAPER, check_colors
+from dntorch.commands_target import Target, open_target, options_of_target
+from dntorch.experiments.checkpoint import write_atomically
+from dntorch.experiments.config import Config
+from dntorch.experiments.learn import CHECKPOINT
+
+if TYPE_CHECKING:
+    from dntorch.envs.hardware import HardwareEnv
+    from dntorch.experiments.reel import Reel
+    from dntorch.experiments.robot import Log
+    from dntorch.robot.calibration import Calibration
+
+FILE = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
+FASTEST = 6.28
+"""rad/s, of the motors"""
+
+
+@click.group()
+def robot() -> None:
+    """Drive an e-puck: a real one that is named, or an emulated one."""
+    # A process in the background begins with Ctrl-C ignored.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+
+
+# ---------------------------------------------------------------- run
+
+
+@robot.command()
+@click.argument("run", type=FOLDER)
+@options_of_target
+@click.option(
+    "--learn/--no-learn", default=False, show_default=True, help="Go on learning from rewards."
+)
+@click.option(
+    "--iterations", type=click.IntRange(1), default=2, show_default=True,
+    help="Of the rewarded sequence; then it ends.",
+)  # fmt: skip
+@click.option(
+    "--steps", type=click.IntRange(1), default=20_000, show_default=True,
+    help="Control steps after which it ends at the latest (32 a second).",
+)  # fmt: skip
+@click.option(
+    "--calibration", "file", type=FILE,
+    help="Of `dntorch robot calibrate`.  [default: it turns once around first to make one]",
+)  # fmt: skip
+@click.option("--speed-cap", type=float, default=1.26, show_default=True, help="Of a wheel, rad/s.")
+@click.option(
+    "--reward", type=click.Choice(["task", "key"]), default="task", show_default=True,
+    help="Paid for what the agent reports, or when you press Enter.",
+)  # fmt: skip
+@click.option("--reconnect", is_flag=True, help="Make a lost link anew and go on.")
+@click.option("--film/--no-film", default=False, show_default=True, help="Film it, for OUT.")
+@click.option(
+    "--out", type=FOLDER,
+    help="New folder for the report, the film and what is learned.  [default: RUN/robot-N]",
+)  # fmt: skip
+@click.pass_context
+def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, out, **target):
+    """Let the trained agent of a RUN drive a robot.
+
+    Ctrl-C, an error or a lost link stop the robot. RUN itself is only read: with --learn, what
+    is learned goes to OUT/checkpoint.pt, which is a run of its own, after each completed
+    sequence and at the end. Exit code 1 when it ended before all iterations were done.
+    """
+    from dntorch.experiments import robot as driving
+    from dntorch.robot.calibration import Calibration
+
+    trained, config = driving.load_agent(run)
+    known = Calibration.load(file) if file else None
+    if not 0 < speed_cap <= FASTEST:
+        raise ValueError(f"--speed-cap={speed_cap}: give rad/s above 0, at most {FASTEST}")
+    folder, log = _new_folder(out, run), driving.Log(config)
+
+    def save() -> None:
+        if learn:
+            driving.save_learned(folder / CHECKPOINT, agent, trained, config)
+
+    with open_target(context, config, **target) as robot:
+        env = driving.hardware(robot.driver, robot.clock, config, known, speed_cap,
+                               key=_enter if reward == "key" else lambda: False)  # fmt: skip
+        with env:
+            env.calibration = known or _look_around(env, config.colors, fov=robot.fov)
+            agent = driving.fit(trained, config, env.calibration)
+            agent.learn(learn)
+            reel = _reel(agent, config, robot, env) if film else None
+            robot.seen.clear()
+            act, paid = driving.acting(agent), reward == "task"
+            try:
+                with tqdm(unit="step") as bar:
+                    each = partial(_follow, bar, log, agent, reel, save)
+                    driving.perform(env, act, log, steps, iterations, paid, each)
+            finally:
+                env.close()  # the robot stands before anything is written
+                save()
+                _report(folder, log, env.calibration, robot)
+        if learn:
+            click.echo(f"learned values: {folder / CHECKPOINT}, a run of its own")
+        if reel:
+            click.echo(f"film: {reel.write(folder / 'film.webm')}")
+    return 0 if len(log.completed) >= iterations else 1
+
+
+def _follow(bar, log: "Log", agent, reel: "Reel | None", save, step) -> None:
+    """After each step: a line of progress, a look for the film, what was learned on disk."""
+    from dntorch.experiments.robot import spoken
+
+    if reel:
+        reel.take(step, log)
+    if step.info["completed"]:
+        save()
+    now = step.info["stopped"] or spoken(agent, log.config)
+    late = f"late {1e3 * log.late[-1]:.1f} ms"
+    bar.set_postfix_str(f"{now}, found {log.letters[-12:]}, {late}", refresh=False)
+    bar.update()
+
+
+def _reel(agent, config: Config, robot: Target, env: "HardwareEnv") -> "Reel":
+    from dntorch.experiments.reel import Reel
+
+    if robot.emulator is not None:
+        world = robot.emulator.world
+        return Reel(agent, config, lambda: world.pose, world.view)
+    # Nobody stands outside: the image as it came.
+    return Reel(agent, config, lambda: env.frame.image, title="camera, raw")
+
+
+def _report(folder: Path, log: "Log", calibration: "Calibration", robot: Target) -> None:
+    numbers = log.summary()
+    if robot.emulator is not None:
+        numbers["seen_by_the_world"] = "".join(log.config.colors[color] for color in robot.seen)
+        numbers["faults"] = dict(robot.emulator.faults.counts)
+    text = json.dumps(numbers, indent=1) + "\n"
+    write_atomically(folder / "report.json", lambda file: file.write(text.encode()))
+    calibration.save(folder / "calibration.json")
+    late = numbers["late_ms"]
+    click.echo(f"ended: {log.ending}\nfound: {log.letters or 'nothing'}")
+    if robot.emulator is not None:
+        click.echo(f"the emulator's world saw: {numbers['seen_by_the_world'] or 'nothing'}")
+    click.echo(
+        f"{numbers['seconds']} s, {numbers['images_per_second']} images/s, the oldest it moved on "
+        f"{numbers['oldest_image_moved_on_s']} s\nlate: median {late['median']} ms, 99 % within "
+        f"{late['p99']} ms, at most {late['max']} ms\nstood: {numbers['stood_steps'] or 'never'}"
+    )
+    click.echo(f"report: {folder / 'report.json'}")
+
+
+def _new_folder(out: Path | None, run: Path) -> Path:
+    folder = out or next(
+        run / f"robot-{k}" for k in range(1, 10_000) if not (run / f"robot-{k}").exists()
+    )
+    if (folder / CHECKPOINT).exists() or (folder / "report.json").exists():
+        raise ValueError(f"--out={folder} holds a run already: name another")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(
+            f"--out={folder} cannot be made ({error.strerror}): name another"
+        ) from error
+    return folder
+
+
+def _enter() -> bool:
+    """Whether Enter was pressed."""
+    return bool(select.select([sys.stdin], [], [], 0)[0] and sys.stdin.readline())
+
+
+# ---------------------------------------------------------------- calibrate
+
+
+@robot.command()
+@click.argument("images", nargs=-1, type=FILE)
+@click.option("--to", type=FILE, required=True, help="File to write; an old one is replaced.")
+@options_of_target
+@click.option("--colors", default=PAPER, show_default=True, help="Of all blocks around it.")
+@click.option("--rotate", type=click.Choice(["0", "90", "180", "270"]), default="0",
+              show_default=True, help="Degrees counter-clockwise.")  # fmt: skip
+@click.option("--mirror", is_flag=True, help="Exchange left and right, after the rotation.")
+@click.option("--fov", type=float, help="Horizontal field of view, rad.")
+@click.option("--axle", type=float, help="m, if it is not to be measured.")
+@click.option("--fps", type=float, help="Images/s, if they are not to be counted.")
+@click.option("--distance", type=float, help="m to the blocks: measures the field of view.")
+@click.pass_context
+def calibrate(context, images, to, colors, distance, **options) -> None:
+    """Measure a robot's camera and axle, for `robot run --calibration`.
+
+    The robot turns a little more than once on the spot, amid blocks of all the colours. With
+    IMAGES, files that show the blocks all around, colours alone are measured.
+    """
+    check_colors(colors)
+    names = ("rotate", "mirror", "fov", "axle", "fps")
+    known = {name: options.pop(name) for name in names if options[name] or options.pop(name)}
+    known["rotate"] = int(known["rotate"])
+    if images:
+        made = _from_files(images, colors, known)
+    else:
+        config = Config(colors=colors, sequence=colors)
+        with open_target(context, config, **options) as robot:
+            from dntorch.experiments.robot import hardware
+
+            with hardware(robot.driver, robot.clock, config) as env:
+                if distance is None:
+                    known.setdefault("fov", robot.fov)
+                made = _look_around(env, colors, distance, **known)
+    replaced = " (replaced)" if to.exists() else ""
+    made.save(to)
+    hues = ", ".join(f"{letter} {angle:.0f}" for letter, angle in made.hues.items())
+    click.echo(
+        f"gains of red, green, blue: {', '.join(f'{gain:.2f}' for gain in made.gains)}\n"
+        f"hues in degrees: {hues}\nfield of view {made.fov:.3f} rad, axle {made.axle:.4f} m, "
+        f"{made.fps:g} images/s\ncalibration: {to}{replaced}"
+    )
+
+
+def _from_files(files: tuple[Path, ...], colors: str, known: dict[str, Any]) -> "Calibration":
+    import cv2
+
+    from dntorch.robot.calibration import calibrate
+
+    images = []
+    for file in files:
+        image = cv2.imread(str(file))
+        if image is None:
+            raise ValueError(f"IMAGES: {file} is no image that OpenCV can read: leave it out")
+        images.append(image[:, :, ::-1])
+    return calibrate(images, colors, **known)
+
+
+def _look_around(env: "HardwareEnv", colors: str, distance=None, **known) -> "Calibration":
+    from dntorch.experiments.look_around import calibrate_from, look_around
+
+    with tqdm(total=100, unit="%", desc="looking around") as bar:
+        views = look_around(env, lambda share: bar.update(round(100 * share) - bar.n))
+    return calibrate_from(views, colors, distance, **known)

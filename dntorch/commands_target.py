@@ -1,0 +1,153 @@
+"""What a command drives: a robot that was named, or an emulator; and options that say which."""
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from dntorch.envs.task import NOTHING
+from dntorch.experiments.config import Config
+
+if TYPE_CHECKING:
+    from dntorch.robot.clock import Clock
+    from dntorch.robot.driver import Driver
+    from dntorch.robot.emulator import Emulator
+    from dntorch.robot.servers import Server
+
+PROTOCOL = click.option(
+    "--protocol", type=click.Choice(("wifi", "sercom", "sercom2")), default="wifi",
+    show_default=True, help="e-puck2 over Wi-Fi, e-puck1, e-puck2 over Bluetooth or USB.",
+)  # fmt: skip
+LAYOUT = click.option(
+    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+    help="Of the emulator's layout, camera noise and faults.",
+)  # fmt: skip
+CAMERA = click.option(
+    "--camera", type=click.Choice(("ideal", "mild", "hard")), default="mild", show_default=True,
+    help="Of the emulator: as simulated; a fair one; dark, blurred, narrow, slow and late.",
+)  # fmt: skip
+FAULT = click.option(
+    "--fault", "faults", multiple=True, metavar="NAME=CHANCE",
+    help="Of the emulator, for each set of packets: stall, delay, drop, truncate, split, "
+    "duplicate, garbage or reset; may be given several times.",
+)  # fmt: skip
+PACING = click.option(
+    "--pacing", type=click.Choice(("firmware", "webots", "request")), default="firmware",
+    show_default=True, help="Of the emulator: how it streams over Wi-Fi.",
+)  # fmt: skip
+
+
+class Target(NamedTuple):
+    """What is driven."""
+
+    driver: "Driver"
+    clock: "Clock"
+    fov: float
+    """rad, of its camera if nobody measured it"""
+    emulator: "Emulator | None"
+    seen: list[int]
+    """colours that the world of an emulated one judged as found"""
+
+
+def options_of_target(command):
+    """Options that say what is driven."""
+    for option in (
+        click.option("--virtual", is_flag=True, help="Its own emulator, in simulated time."),
+        LAYOUT, FAULT, CAMERA, PACING, PROTOCOL,
+        click.option(
+            "--connect", metavar="ADDRESS",
+            help="tcp://HOST[:PORT] or serial://DEVICE.  [default: an emulator of its own]",
+        ),
+    ):  # fmt: skip
+        command = option(command)
+    return command
+
+
+@contextmanager
+def open_target(
+    context: click.Context, config: Config, *, connect: str | None, protocol: str, virtual: bool,
+    reconnect: bool = False, **emulation: Any,
+) -> Iterator[Target]:  # fmt: skip
+    """The robot that was named, or an emulator that lives as long as it is driven."""
+    from dntorch.robot.camera import CAMERAS
+    from dntorch.robot.clock import RealClock, VirtualClock
+    from dntorch.robot.dialects import DIALECTS
+    from dntorch.robot.driver import Driver
+    from dntorch.robot.emulator import BODIES
+    from dntorch.robot.servers import MemoryServer, TcpServer
+    from dntorch.robot.transports import transport_for
+
+    clock, fov = VirtualClock() if virtual else RealClock(), BODIES[protocol].fov
+
+    def driver(transport) -> Driver:
+        return Driver(transport, DIALECTS[protocol](), clock, reconnect=reconnect)
+
+    if connect:
+        _refuse_emulation(context)
+        try:
+            transport = transport_for(connect)
+        except ValueError as error:
+            raise ValueError(f"--connect={error}") from error
+        try:
+            yield Target(driver(transport), clock, fov, None, [])
+        except OSError as error:
+            raise ValueError(f"--connect={connect}: {error}: is it on, near, and free?") from error
+        return
+    seen: list[int] = []
+
+    def see(info: dict[str, Any]) -> None:
+        if info["found"] != NOTHING:
+            seen.append(int(info["found"]))
+
+    task = {"colors": config.colors, "sequence": config.sequence, "dt": config.dt}
+    with closing(MemoryServer() if virtual else TcpServer()) as server:
+        emulator = build_emulator(
+            server, clock, protocol=protocol, world=task, on_step=see, **emulation
+        )
+        with emulator, closing(emulator.world):
+            transport = server.transport() if virtual else transport_for(server.address)
+            fov = CAMERAS[emulation["camera"]].fov(fov)
+            yield Target(driver(transport), clock, fov, emulator, seen)
+
+
+def _refuse_emulation(context: click.Context) -> None:
+    for name in ("pacing", "camera", "faults", "seed", "virtual"):
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            option = "--fault" if name == "faults" else f"--{name}"
+            raise ValueError(
+                f"{option} is of the emulator, a robot was named with --connect: leave {option} out"
+            )
+
+
+def build_emulator(
+    server: "Server", clock: "Clock | None" = None, *, protocol: str, pacing: str, camera: str,
+    faults: tuple[str, ...], seed: int, world: dict[str, Any], **others: Any,
+) -> "Emulator":  # fmt: skip
+    """The emulator that the options describe; ``world`` and ``others`` as in `emulate`.
+
+    Raises:
+        ValueError: a fault that there is not, a pacing that the protocol does not have.
+    """
+    from dntorch.envs.emulated import emulate  # PyBullet is an extra
+    from dntorch.robot.camera import CAMERAS
+    from dntorch.robot.faults import Faults
+
+    return emulate(
+        server, clock, protocol=protocol, pacing=pacing, layout=seed, world=world,
+        camera=replace(CAMERAS[camera], seed=seed),
+        faults=Faults(**dict(map(_chance, faults)), seed=seed), **others,
+    )  # fmt: skip
+
+
+def _chance(text: str) -> tuple[str, float]:
+    from dntorch.robot.faults import Faults
+
+    name, _, chance = text.partition("=")
+    try:
+        if name in Faults().chances:
+            return name, float(chance)
+    except ValueError:
+        pass
+    raise ValueError(f"--fault {text}: give NAME=CHANCE, NAME of {', '.join(Faults().chances)}")
