@@ -1,0 +1,133 @@
+"""A robot behind its protocol does what the simulated one does, and what makes it differ.
+
+One trained agent, learning off, in several layouts: in the simulated world, and as a robot, that
+is, through the hardware env, the driver and the Wi-Fi protocol of an emulator of the same world,
+in virtual time. Both see 160x120 pixels of RGB565 through one resampler and turn their wheels by
+whole motor steps. With an ideal link they do the same; then one thing after the other is as on
+a real robot. You will see, for each layout, which behaviours both completed, whether in the same
+control steps, and how far wheel speeds and headings were apart at most.
+
+    python recipes/robot_beside_simulation.py RUN --layouts 5 --behaviors 8
+"""
+
+import argparse
+import math
+import os
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: small arrays
+
+import numpy as np
+import torch
+
+from dntorch.envs import EPuckEnv
+from dntorch.envs.emulated import emulate
+from dntorch.envs.task import NOTHING
+from dntorch.experiments import robot
+from dntorch.robot.body import STEPS_PER_TURN, Body
+from dntorch.robot.calibration import Calibration
+from dntorch.robot.camera import Camera
+from dntorch.robot.clock import VirtualClock
+from dntorch.robot.codecs import rgb565
+from dntorch.robot.dialects import Wifi
+from dntorch.robot.driver import Driver
+from dntorch.robot.images import resample
+from dntorch.robot.safety import Limits
+from dntorch.robot.servers import MemoryServer
+
+BODY = Body(width=160, height=120)
+STEP = math.tau / STEPS_PER_TURN
+CASES = {
+    "ideal link": {"pacing": "request", "slew": math.inf},
+    "changes of speed limited": {"pacing": "request"},
+    "robot streams by itself": {"pacing": "firmware"},
+    "8 images a second": {"pacing": "firmware", "camera": Camera(fps=8.0)},
+}
+
+
+class Simulated(EPuckEnv):
+    """The simulated world with the pixels and the motors of a robot."""
+
+    def look(self) -> np.ndarray:
+        picture = rgb565.Picture(BODY.width, BODY.height, rgb565.encode(super().look()))
+        return resample(rgb565.decode(picture), 52, 39)
+
+    def move(self, action: np.ndarray):
+        return super().move(np.rint(np.asarray(action, np.float64) / STEP) * STEP)
+
+
+def simulated(act: robot.Act, world: dict, steps: int) -> tuple[list, list]:
+    """Wheels and heading after each step, and what was found when."""
+    env = Simulated(body=BODY, **world)
+    observation, _ = env.reset(seed=0)
+    rows, found = [], []
+    for step in range(steps):
+        wheels, color = act(observation["image"], 0.0)
+        found += [(step, color)] if color != NOTHING else []
+        observation, *_, info = env.step(wheels)
+        rows.append((*wheels, info["yaw"]))
+    env.close()
+    return rows, found
+
+
+def emulated(
+    act: robot.Act, world: dict, steps: int, config, slew: float = Limits.slew, **link
+) -> tuple[list, list]:
+    """The same of a robot that is driven."""
+    clock, server, rows, true = VirtualClock(), MemoryServer(), [], []
+    layout = world["layout_seed"]
+    emulator = emulate(
+        server, clock, layout=layout, world={**world, "body": BODY},
+        on_step=lambda info: true.append(info["yaw"]), **link,
+    )  # fmt: skip
+    emulator.start()
+    driver = Driver(server.transport(), Wifi(), clock)
+    env = robot.hardware(driver, clock, config, Calibration())
+    env.guard.limits = Limits(slew=slew)
+    log, before = robot.Log(config), []
+
+    def heard(image: np.ndarray, reward: float) -> tuple[np.ndarray, int]:
+        before.append(act(image, reward))
+        return before[-1]
+
+    robot.perform(env, heard, log, steps, 10**9,
+                  each=lambda step: rows.append((*before[-1][0], true[-1])))  # fmt: skip
+    emulator.world.close()
+    return rows, log.found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("run", type=Path, help="folder of dntorch learn")
+    parser.add_argument("--layouts", type=int, default=5)
+    parser.add_argument("--pivot", default="free", help="free or kinematic, as in EPuckEnv")
+    parser.add_argument("--behaviors", type=int, default=8, help="steps go on for so many")
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(True)
+    trained, config = robot.load_agent(given.run)
+
+    def fresh() -> robot.Act:
+        agent = robot.fit(trained, config, Calibration())
+        agent.learn(False)
+        return robot.acting(agent)
+
+    steps = 150 * given.behaviors
+    for layout in range(given.layouts):
+        world = {"layout_seed": layout, "sequence": config.sequence, "colors": config.colors,
+                 "pivot": given.pivot}  # fmt: skip
+        ours, found = simulated(fresh(), world, steps)
+        for case, link in CASES.items():
+            rows, theirs = emulated(fresh(), world, steps, config, **link)
+            away = np.abs(np.array(rows) - np.array(ours)).max(0)
+            letters = ["".join(config.colors[c] for _, c in each) for each in (found, theirs)]
+            print(
+                f"layout {layout}, {case}: simulated {letters[0]}, robot {letters[1]}, "
+                f"{'in the same steps' if found == theirs else 'at other times'}; wheels at most "
+                f"{away[:2].max():.2g} rad/s apart, heading {math.degrees(away[2]):.2g} degrees",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
