@@ -1,16 +1,18 @@
 """Latency of one control step of the agent, from a camera image to wheel speeds, on one core.
 
-    python benchmarks/latency.py [--rounds 40] [--cpp build/cpp/run_agent]
+    python benchmarks/latency.py [--rounds 40] [--pause 0.03] [--cpp build/cpp/run_agent]
 
 Ways to run the same agent take turns within each round, so that a busy machine is busy for
 all of them. Prints the median and the 99th percentile of wall time and of CPU time, which other
 programs on the machine don't lengthen much, the share of the time between two control steps
-(1/32 s) that the 99th percentile of CPU time takes, and the ratio of median CPU times to the
-eager agent. With --cpp also what the C++ runner says of its loop, which sleeps between steps.
-Takes about half a minute, with --aotinductor one more.
+(1/32 s) that the 99th percentile of wall time takes, and the ratio of median CPU times to the
+eager agent. With --pause it sleeps before each step, as a control loop does: then caches are
+cold. With --cpp also what the C++ runner says of itself. Takes about half a minute, with
+--aotinductor one more. For real-time priority: chrt -f 10 python benchmarks/latency.py.
 """
 
 import argparse
+import os
 import subprocess
 import tempfile
 import time
@@ -30,6 +32,7 @@ ROUNDS, STEPS, WARM = 40, 50, 100
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"of {STEPS} steps each")
+    parser.add_argument("--pause", type=float, default=0.0, help="seconds before each step")
     parser.add_argument("--aotinductor", action="store_true")
     parser.add_argument("--cpp", type=Path, help="the C++ runner that `make cpp` builds")
     options = parser.parse_args()
@@ -44,10 +47,11 @@ def main() -> None:
         for runtime in runtimes:
             path = export / f"agent{RUNTIMES[runtime]}"
             steppers[runtime] = artefact(runtime, path, manifest, inputs)
-        report(measure(steppers, options.rounds), manifest["dt"])
+        print(f"load of the last minute: {os.getloadavg()[0]:.1f} on {os.cpu_count()} CPUs")
+        report(measure(steppers, options.rounds, options.pause), manifest["dt"])
         if options.cpp:
             done = subprocess.run([options.cpp, export, "20"], capture_output=True, text=True)
-            print("C++", done.stdout.splitlines()[-1] if done.stdout else done.stderr)
+            print("C++", *done.stdout.splitlines()[-2:], done.stderr, sep="\n")
 
 
 def untrained(folder: Path, runtimes: list[str]) -> Path:
@@ -99,12 +103,14 @@ def artefact(runtime: str, path: Path, manifest: dict, inputs):
     return step
 
 
-def measure(steppers, rounds: int) -> dict[str, np.ndarray]:
+def measure(steppers, rounds: int, pause: float) -> dict[str, np.ndarray]:
     """Milliseconds of each step for each way, in turns: wall time and CPU time, ``(2, steps)``."""
     times = {name: [] for name in steppers}
     for turn in range(-(WARM // STEPS), rounds):
         for name, step in steppers.items():
             for k in range(STEPS):
+                if pause:
+                    time.sleep(pause)
                 began = time.perf_counter(), time.thread_time()
                 step((turn * STEPS + k) % 800)
                 ended = time.perf_counter(), time.thread_time()
@@ -120,7 +126,7 @@ def report(times: dict[str, np.ndarray], dt: float) -> None:
     for name, (wall, cpu) in times.items():
         numbers = [np.quantile(x, q) for x in (wall, cpu) for q in (0.5, 0.99)]
         cells = "".join(f"{number:9.3f} ms" for number in numbers)
-        share, ratio = numbers[3] / 1e3 / dt, eager / numbers[2]
+        share, ratio = numbers[1] / 1e3 / dt, eager / numbers[2]
         print(f"{name:12}{cells}{share:12.1%}{ratio:12.2f}")
 
 

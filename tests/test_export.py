@@ -346,7 +346,10 @@ def test_a_function_says_invalid_and_gives_no_motion(name, exported, manifest) -
     ("image", "says"),
     [
         (np.zeros((40, 52, 3), np.uint8), "observation"),
-        (np.zeros((39, 52, 3)), "dtype mismatch! Expected: Byte|input data type.*expected: .tensor.uint8"),
+        (
+            np.zeros((39, 52, 3)),
+            "dtype mismatch! Expected: Byte|input data type.*expected: .tensor.uint8",
+        ),
     ],
     ids=["size", "dtype"],
 )

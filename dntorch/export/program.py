@@ -144,5 +144,6 @@ def _quiet() -> Iterator[None]:
 def _require(*packages: str, extra: str) -> None:
     missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
-        remedy = f"'dntorch[{extra}]'" if extra == "export" else extra
-        raise ImportError(f"{', '.join(missing)} is not installed: run pip install {remedy}")
+        raise ImportError(
+            f"{', '.join(missing)} is not installed: run pip install 'dntorch[{extra}]'"
+        )
