@@ -19,17 +19,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from dntorch.colors import HUES, indices
+from dntorch.colors import HUES
 from dntorch.envs.task import SequenceTask
 from dntorch.experiments.config import Config
-from dntorch.experiments.record import LOOK_BACK
 from dntorch.experiments.results import commit, write_json
 from dntorch.studies import discrete
 from dntorch.studies.batches import Job, run_groups
-from dntorch.studies.comparison import theory_of
+from dntorch.studies.comparison import theory_of, yoked_optimal
 from dntorch.studies.group import Group
-from dntorch.studies.outcomes import describe, needed_rewards, neural_outcome, outcome
-from dntorch.studies.runs import Runs, runs_from_events
+from dntorch.studies.outcomes import describe, neural_outcome, outcome
+from dntorch.studies.runs import runs_from_events
 from dntorch.studies.statistics import wilson
 
 #: Repertoire and rewarded sequences; the first column names the row of the figure.
@@ -50,30 +49,6 @@ POINTS = [
     ("others", "RGBYMC", ("GBG", "YRY")),
     ("others", "RGBYMC", ("GBYG", "RMCR")),
 ]
-
-
-def follow(
-    runs: Runs, explored: np.ndarray, config: Config, sequences: tuple, learning: discrete.Learning
-) -> list:
-    """``[k, n]``: discrete learners of the same exploration whose greedy choices are optimal."""
-    count = int(explored.max())
-    behaviors = runs.behaviors[:, :count].copy()
-    behaviors[np.arange(count) >= explored[:, None]] = -1
-    found = (runs.rewarded[:, :count] & (behaviors >= 0)).any(1)
-    values, _ = discrete.yoked(learning, behaviors, runs.rewarded[:, :count])
-    n = len(config.colors)
-    values = np.pad(values, ((0, 0), *[(0, n - values.shape[-1])] * 2))
-    choice = discrete.greedy(values, np.arange(n) / n, rectified=True)
-    targets = np.array([indices(sequence, config.colors) for sequence in sequences])
-    each = np.arange(len(explored))
-    state, rewards = behaviors[each, explored - 1], 0
-    recent = np.full((len(each), targets.shape[1]), -1)
-    for k in range(2 * LOOK_BACK):
-        state = choice[each, state]
-        recent = np.c_[recent[:, 1:], state]
-        rewards += (recent[:, None] == targets).all(-1).any(-1) & (k >= LOOK_BACK)
-    optimal = rewards >= needed_rewards(config)
-    return [int(optimal[found].sum()), int(found.sum())]
 
 
 def free(config: Config, explored: np.ndarray, total: np.ndarray, learning: discrete.Learning):
@@ -140,7 +115,7 @@ def main() -> None:
         if len(sequences) > 1:  # any of them is optimal; their values tell of one only
             result = result._replace(needed=np.full(a.runs, -1))
         row = {"kind": kind, "colors": colors, "sequences": sequences} | describe(result)
-        row["yoked_optimal"] = follow(runs, explored, config, sequences, learning)
+        row["yoked_optimal"] = yoked_optimal(runs, explored, config, sequences, learning)
         row["discrete_uniform"] = free(config, explored, total, learning)
         row["chance_a_behavior"] = 1 / (len(colors) * (len(colors) - 1) ** (len(sequences[0]) - 1))
         rows.append(row)

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from dntorch.experiments.config import Config
+from dntorch.studies.comparison import yoked_optimal
 from dntorch.studies.discrete import (
     Learner,
     Learning,
@@ -11,6 +13,7 @@ from dntorch.studies.discrete import (
     greedy,
     yoked,
 )
+from dntorch.studies.runs import Runs
 
 
 def slow(behaviors: list[int], rewarded: list[bool], learning: Learning, n: int = 4) -> np.ndarray:
@@ -35,7 +38,7 @@ def test_equals_a_slow_reference(replacing: bool, decay: float) -> None:
     history = explore_or_exploit(learning, np.full(20, 60), np.full(20, 90), 3, "GBG")
     for run in range(20):
         behaviors, rewarded = history.behaviors[run], history.rewarded[run]
-        values, _ = yoked(learning, behaviors[None], rewarded[None])
+        values, _ = yoked(learning, behaviors[None], rewarded[None], 4)
         np.testing.assert_allclose(
             values[0], slow(behaviors.tolist(), rewarded.tolist(), learning), atol=1e-12
         )
@@ -45,21 +48,21 @@ def test_equals_a_slow_reference(replacing: bool, decay: float) -> None:
 def test_first_reward_reaches_back_as_the_trace_does() -> None:
     behaviors = np.array([[1, 2, 3, 0, 1, 2]])  # G B Y R G, and then B
     rewarded = np.array([[False] * 4 + [True, False]])
-    values, _ = yoked(Learning(0.1, 0.5), behaviors, rewarded)
+    values, _ = yoked(Learning(0.1, 0.5), behaviors, rewarded, 4)
     back = [values[0, s, a] for s, a in [(0, 1), (3, 0), (2, 3), (1, 2)]]
     np.testing.assert_allclose(back, [0.1 * 0.4**k for k in range(4)])
 
 
 def test_td0_teaches_only_the_last_pair() -> None:
     behaviors, rewarded = np.array([[1, 2, 3, 0, 1, 2]]), np.array([[0, 0, 0, 0, 1, 0]])
-    values, _ = yoked(Learning(0.1, 0.0), behaviors, rewarded)
+    values, _ = yoked(Learning(0.1, 0.0), behaviors, rewarded, 4)
     assert (values != 0).sum() == 1 and values[0, 0, 1] == pytest.approx(0.1)
 
 
 def test_a_constant_reward_is_valued_as_the_sum_of_its_future() -> None:
     count = 4000
     behaviors = np.tile([0, 1], count // 2)[None]
-    values, _ = yoked(Learning(0.1, 0.7), behaviors, np.ones((1, count)))
+    values, _ = yoked(Learning(0.1, 0.7), behaviors, np.ones((1, count)), 2)
     np.testing.assert_allclose([values[0, 0, 1], values[0, 1, 0]], 1 / (1 - 0.8), rtol=1e-6)
 
 
@@ -68,7 +71,7 @@ def test_replacing_differs_from_accumulating_only_when_pairs_repeat() -> None:
     for behaviors in ([0, 1, 2, 3, 0, 2], [0, 1, 0, 1, 0, 1]):
         rewarded = np.ones((1, 6))
         plain, replacing = (
-            yoked(Learning(0.1, 0.9, replacing=kind), np.array([behaviors]), rewarded)[0]
+            yoked(Learning(0.1, 0.9, replacing=kind), np.array([behaviors]), rewarded, 4)[0]
             for kind in (False, True)
         )
         both.append(np.allclose(plain, replacing))
@@ -128,3 +131,17 @@ def test_a_learner_keeps_runs_apart() -> None:
     learner.visit(state, action, np.array([True, False]))
     learner.learn(np.array([1, 1]), (state, action), (action, state), np.array([True, False]))
     assert learner.values[0, 0, 1] == 0.5 and not learner.values[1].any()
+
+
+def test_the_yoked_learner_follows_what_its_exploration_taught() -> None:
+    found = [0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 3]  # R G B Y R G B Y R G, twice rewarded
+    never = [0, 1, 0, 2, 0, 3, 0, 1, 0, 2, 0]
+    other = [0, 1, 3, 2, 0, 1, 3, 2, 0, 1, 3]
+    behaviors = np.array([found, other, never])
+    rewarded = np.zeros(behaviors.shape, bool)
+    rewarded[:2, [5, 9]] = True
+    empty = np.zeros(0)
+    runs = Runs(behaviors, behaviors, rewarded, empty, empty, empty, empty)
+    explored, learning = np.full(3, 10), Learning(0.1, 0.7)
+    assert yoked_optimal(runs, explored, Config(), ("GBYRG",), learning) == [1, 2]
+    assert yoked_optimal(runs, explored, Config(), ("GBYRG", "GYBRG"), learning) == [2, 2]

@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from dntorch.colors import indices
 from dntorch.experiments.config import Config
+from dntorch.experiments.record import LOOK_BACK
 from dntorch.experiments.trial import Trial
 from dntorch.studies import discrete
 from dntorch.studies import statistics as st
 from dntorch.studies.law import correlation
-from dntorch.studies.outcomes import Outcome, outcome
+from dntorch.studies.outcomes import Outcome, needed_rewards, outcome, proportion
 from dntorch.studies.predictions import predictions
 from dntorch.studies.runs import Runs
 
@@ -97,7 +99,8 @@ def yoked(
     behaviors = runs.behaviors[which]
     at = tuple(range(20, behaviors.shape[1] - 1, 20))
     # Values after the transition that ends with onset k + 1 are known at onset k + 1.
-    _, kept = discrete.yoked(learning, behaviors, runs.rewarded[which], tuple(range(10**4)))
+    n, onsets = runs.weights.shape[-1], tuple(range(behaviors.shape[1]))
+    _, kept = discrete.yoked(learning, behaviors, runs.rewarded[which], n, onsets)
     curve = {}
     for k in at:
         going = behaviors[:, k] >= 0
@@ -123,3 +126,30 @@ def yoked(
             "finds_while_exploring": st.summary(early),
         },
     }
+
+
+def yoked_optimal(
+    runs: Runs,
+    explored: np.ndarray,
+    config: Config,
+    sequences: tuple[str, ...],
+    learning: discrete.Learning,
+) -> list[int]:
+    """``[k, n]``: the discrete learner of the same exploration then follows its values.
+
+    How many of those whose exploration found one of ``sequences`` earn what an agent has to
+    earn to be called optimal.
+    """
+    n, each, count = len(config.colors), np.arange(len(explored)), int(explored.max())
+    behaviors = np.where(np.arange(count) < explored[:, None], runs.behaviors[:, :count], -1)
+    found = (runs.rewarded[:, :count] & (behaviors >= 0)).any(1)
+    values, _ = discrete.yoked(learning, behaviors, runs.rewarded[:, :count], n)
+    choice = discrete.greedy(values, np.arange(n) / n, rectified=True)
+    targets = np.array([indices(sequence, config.colors) for sequence in sequences])
+    state, rewards = behaviors[each, explored - 1], np.zeros(len(each), int)
+    recent = np.full((len(each), targets.shape[1]), -1)
+    for k in range(2 * LOOK_BACK):  # the first half to come into the loop
+        state = choice[each, state]
+        recent = np.c_[recent[:, 1:], state]
+        rewards += (recent[:, None] == targets).all(-1).any(-1) & (k >= LOOK_BACK)
+    return proportion(rewards >= needed_rewards(config), found)

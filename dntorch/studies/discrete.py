@@ -135,14 +135,18 @@ def explore_or_exploit(
 
 
 def yoked(
-    learning: Learning, behaviors: np.ndarray, rewarded: np.ndarray, at: tuple[int, ...] = ()
+    learning: Learning,
+    behaviors: np.ndarray,
+    rewarded: np.ndarray,
+    n: int,
+    at: tuple[int, ...] = (),
 ) -> tuple[np.ndarray, dict[int, np.ndarray]]:
-    """Learn from behaviours ``(runs, T)`` that another learner chose (-1 after a run's end).
+    """Learn from ``n`` behaviours ``(runs, T)`` that another chose (-1 after a run's end).
 
     Returns the values ``[run, state, action]`` after the last and after ``at`` behaviours.
     """
     runs, count = behaviors.shape
-    learner, kept = Learner(runs, int(behaviors.max()) + 1, learning), {}
+    learner, kept = Learner(runs, n, learning), {}
     for t in range(count - 1):
         if t in at:
             kept[t] = learner.values.copy()

@@ -83,8 +83,8 @@ def neural_outcome(runs: Runs, config: Config) -> tuple[Outcome, np.ndarray, np.
     policy = runs.weights.astype(bool)
     if policy.size:
         # What was learned from a behaviour is in the weights at the onset of the next.
-        policy = policies(runs.weights[:, 1:], config)
-        policy = np.concatenate((policy, policy[:, -1:]), 1)
+        later = np.concatenate((runs.weights[:, 1:], runs.weights[:, -1:]), 1)
+        policy = policies(later, config)
         each = np.arange(len(total))
         policy[each, total - 1] = policy[each, (total - 2).clip(min=0)]
     return outcome(runs.rewarded, policy, explored, total, needed_rewards(config)), explored, total
