@@ -19,8 +19,8 @@ from dntorch.experiments.learn import CHECKPOINT
 
 if TYPE_CHECKING:
     from dntorch.envs.hardware import HardwareEnv
+    from dntorch.experiments.drive import Log
     from dntorch.experiments.reel import Reel
-    from dntorch.experiments.robot import Log
     from dntorch.robot.calibration import Calibration
 
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -77,28 +77,30 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
     is learned goes to OUT/checkpoint.pt, which is a run of its own, after each completed
     sequence and at the end. Exit code 1 when it ended before all iterations were done.
     """
-    from dntorch.experiments import robot as driving
+    from dntorch.experiments import drive as driving
+    from dntorch.experiments.robot import fit, hardware, load_agent, save_learned
     from dntorch.robot.calibration import Calibration
 
-    trained, config = driving.load_agent(run)
+    trained, config = load_agent(run)
     known = Calibration.load(file) if file else None
     if not 0 < speed_cap <= FASTEST:
         raise ValueError(f"--speed-cap={speed_cap}: give rad/s above 0, at most {FASTEST}")
-    folder, log = _new_folder(out, run), driving.Log(config)
+    pressed = _enter if reward == "key" else lambda: False
 
     def save() -> None:
         if learn:
-            driving.save_learned(folder / CHECKPOINT, agent, trained, config)
+            save_learned(folder / CHECKPOINT, agent, trained, config)
 
-    with open_target(context, config, **target) as robot:
-        env = driving.hardware(robot.driver, robot.clock, config, known, speed_cap,
-                               key=_enter if reward == "key" else lambda: False)  # fmt: skip
+    with open_target(context, config, **target) as target:
+        env = hardware(target.driver, target.clock, config, known, speed_cap, key=pressed)
         with env:
-            env.calibration = known or _look_around(env, config.colors, fov=robot.fov)
-            agent = driving.fit(trained, config, env.calibration)
+            folder = _new_folder(out, run)
+            env.calibration = known or _look_around(env, config.colors, fov=target.fov)
+            agent = fit(trained, config, env.calibration)
             agent.learn(learn)
-            reel = _reel(agent, config, robot, env) if film else None
-            robot.seen.clear()
+            log = driving.Log(config, agent.sensorimotor.scan)
+            reel = _reel(agent, config, target, env) if film else None
+            target.seen.clear()
             act, paid = driving.acting(agent), reward == "task"
             try:
                 with tqdm(unit="step") as bar:
@@ -107,7 +109,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
             finally:
                 env.close()  # the robot stands before anything is written
                 save()
-                _report(folder, log, env.calibration, robot)
+                _report(folder, log, env.calibration, target)
         if learn:
             click.echo(f"learned values: {folder / CHECKPOINT}, a run of its own")
         if reel:
@@ -117,7 +119,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
 
 def _follow(bar, log: "Log", agent, reel: "Reel | None", save, step) -> None:
     """After each step: a line of progress, a look for the film, what was learned on disk."""
-    from dntorch.experiments.robot import spoken
+    from dntorch.experiments.drive import spoken
 
     if reel:
         reel.take(step, log)
@@ -129,27 +131,27 @@ def _follow(bar, log: "Log", agent, reel: "Reel | None", save, step) -> None:
     bar.update()
 
 
-def _reel(agent, config: Config, robot: Target, env: "HardwareEnv") -> "Reel":
+def _reel(agent, config: Config, target: Target, env: "HardwareEnv") -> "Reel":
     from dntorch.experiments.reel import Reel
 
-    if robot.emulator is not None:
-        world = robot.emulator.world
+    if target.emulator is not None:
+        world = target.emulator.world
         return Reel(agent, config, lambda: world.pose, world.view)
     # Nobody stands outside: the image as it came.
     return Reel(agent, config, lambda: env.frame.image, title="camera, raw")
 
 
-def _report(folder: Path, log: "Log", calibration: "Calibration", robot: Target) -> None:
+def _report(folder: Path, log: "Log", calibration: "Calibration", target: Target) -> None:
     numbers = log.summary()
-    if robot.emulator is not None:
-        numbers["seen_by_the_world"] = "".join(log.config.colors[color] for color in robot.seen)
-        numbers["faults"] = dict(robot.emulator.faults.counts)
+    if target.emulator is not None:
+        numbers["seen_by_the_world"] = "".join(log.config.colors[color] for color in target.seen)
+        numbers["faults"] = dict(target.emulator.faults.counts)
     text = json.dumps(numbers, indent=1) + "\n"
     write_atomically(folder / "report.json", lambda file: file.write(text.encode()))
     calibration.save(folder / "calibration.json")
     late = numbers["late_ms"]
     click.echo(f"ended: {log.ending}\nfound: {log.letters or 'nothing'}")
-    if robot.emulator is not None:
+    if target.emulator is not None:
         click.echo(f"the emulator's world saw: {numbers['seen_by_the_world'] or 'nothing'}")
     click.echo(
         f"{numbers['seconds']} s, {numbers['images_per_second']} images/s, the oldest it moved on "

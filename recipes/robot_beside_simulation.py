@@ -21,19 +21,15 @@ import numpy as np
 import torch
 
 from dntorch.envs import EPuckEnv
-from dntorch.envs.emulated import emulate
 from dntorch.envs.task import NOTHING
 from dntorch.experiments import robot
+from dntorch.experiments.drive import Act, Log, acting, perform
 from dntorch.robot.body import STEPS_PER_TURN, Body
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.camera import Camera
-from dntorch.robot.clock import VirtualClock
 from dntorch.robot.codecs import rgb565
-from dntorch.robot.dialects import Wifi
-from dntorch.robot.driver import Driver
 from dntorch.robot.images import resample
 from dntorch.robot.safety import Limits
-from dntorch.robot.servers import MemoryServer
 
 BODY = Body(width=160, height=120)
 STEP = math.tau / STEPS_PER_TURN
@@ -56,7 +52,7 @@ class Simulated(EPuckEnv):
         return super().move(np.rint(np.asarray(action, np.float64) / STEP) * STEP)
 
 
-def simulated(act: robot.Act, world: dict, steps: int) -> tuple[list, list]:
+def simulated(act: Act, world: dict, steps: int) -> tuple[list, list]:
     """Wheels and heading after each step, and what was found when."""
     env = Simulated(body=BODY, **world)
     observation, _ = env.reset(seed=0)
@@ -71,27 +67,23 @@ def simulated(act: robot.Act, world: dict, steps: int) -> tuple[list, list]:
 
 
 def emulated(
-    act: robot.Act, world: dict, steps: int, config, slew: float = Limits.slew, **link
+    act: Act, world: dict, steps: int, config, slew: float = Limits.slew, **link
 ) -> tuple[list, list]:
     """The same of a robot that is driven."""
-    clock, server, rows, true = VirtualClock(), MemoryServer(), [], []
-    layout = world["layout_seed"]
-    emulator = emulate(
-        server, clock, layout=layout, world={**world, "body": BODY},
-        on_step=lambda info: true.append(info["yaw"]), **link,
-    )  # fmt: skip
-    emulator.start()
-    driver = Driver(server.transport(), Wifi(), clock)
-    env = robot.hardware(driver, clock, config, Calibration())
-    env.guard.limits = Limits(slew=slew)
-    log, before = robot.Log(config), []
+    layout, given, rows = world["layout_seed"], [], []
+    env, emulator, _ = robot.emulated(
+        config, layout, Calibration(), {**world, "body": BODY}, **link
+    )
+    env.guard.limits, log = Limits(slew=slew), Log(config)
 
     def heard(image: np.ndarray, reward: float) -> tuple[np.ndarray, int]:
-        before.append(act(image, reward))
-        return before[-1]
+        given.append(act(image, reward))
+        return given[-1]
 
-    robot.perform(env, heard, log, steps, 10**9,
-                  each=lambda step: rows.append((*before[-1][0], true[-1])))  # fmt: skip
+    def look(step) -> None:
+        rows.append((*given[-1][0], emulator.world.pose.yaw))
+
+    perform(env, heard, log, steps, iterations=steps, each=look)
     emulator.world.close()
     return rows, log.found
 
@@ -107,10 +99,10 @@ def main() -> None:
     torch.set_flush_denormal(True)
     trained, config = robot.load_agent(given.run)
 
-    def fresh() -> robot.Act:
+    def fresh() -> Act:
         agent = robot.fit(trained, config, Calibration())
         agent.learn(False)
-        return robot.acting(agent)
+        return acting(agent)
 
     steps = 150 * given.behaviors
     for layout in range(given.layouts):

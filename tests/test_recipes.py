@@ -8,6 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
+
+from dntorch.experiments import checkpoint
+from dntorch.experiments.config import Config, build_agent
+from dntorch.robot.calibration import Calibration
 
 RECIPES = Path(__file__).parents[1] / "recipes"
 
@@ -111,3 +116,34 @@ def test_studies_print_a_line_a_point(name: str, lines: int, options: str, tmp_p
     content = json.loads((tmp_path / name).with_suffix(".json").read_text())
     assert content["runs"] == 2
     assert name == "controls.py" or (tmp_path / name).with_suffix(".png").exists()
+
+
+@pytest.fixture
+def trained(tmp_path: Path) -> Path:
+    """A run that knows the sequence G-B-G."""
+    config = Config(colors="GB", sequence="GBG")
+    agent = build_agent(config)
+    agent.weights.copy_(0.5 * (1 - torch.eye(2)))
+    content = {"config": vars(config), "agent": agent.snapshot()}
+    checkpoint.save(tmp_path / "checkpoint.pt", content)
+    return tmp_path
+
+
+def test_values_learned_in_simulation_drive_a_robot(trained: Path) -> None:
+    out = trained / "transfer"
+    out.mkdir()  # with a calibration, so that it need not look around first
+    Calibration(fov=0.656, fps=8.0).save(out / "mild.json")
+    given = ["--layouts", 1, "--cameras", "mild", "--drivers", "agent", "--processes", 1]
+    printed = run("transfer.py", trained, *given, "--no-films", "--out", out)
+    assert re.search(r"^mild agent 0 [\d.]+ s [GB]+ ok$", printed, re.MULTILINE), printed
+    (line,) = json.loads((out / "table.json").read_text())
+    assert line["succeeded"] == [1, 1] and line["failed"] == {} and 0.2 < line["wilson"][0] < 0.21
+
+
+def test_a_robot_beside_its_simulation_does_the_same(trained: Path) -> None:
+    given = ["--layouts", 1, "--behaviors", 1, "--pivot", "kinematic"]
+    lines = run("robot_beside_simulation.py", trained, *given).splitlines()
+    assert len(lines) == 4 and re.search("simulated [GB]+, robot [GB]+, in the same", lines[0])
+    for line in lines[:3]:
+        assert line.endswith("wheels at most 0 rad/s apart, heading 0 degrees"), line
+    assert not lines[3].endswith("heading 0 degrees"), lines[3]

@@ -107,6 +107,16 @@ def test_the_last_speed_stays_when_the_client_has_gone(pacing, keeps):
     assert raw.say(wifi.Command(), ticks=2) == {"firmware": "PSPS", "webots": "SPSP"}[pacing]
 
 
+@pytest.mark.parametrize("pacing, keeps", [("firmware", True), ("webots", False)])
+def test_the_last_speed_stays_when_the_link_breaks(pacing, keeps):
+    raw = Raw(pacing)
+    raw.say(wifi.Command(100, -100))
+    raw.link.broken = True  # as for a client that was killed with packets unread
+    raw.clock.sleep_until(raw.clock.now() + 1)
+    assert not raw.emulator.connected
+    assert (raw.emulator.speeds == (100, -100)) is keeps
+
+
 def test_a_slow_reader_gets_whole_packets_from_the_firmware_and_parts_from_webots():
     for pacing in ("firmware", "webots"):
         raw = Raw(pacing)

@@ -1,17 +1,11 @@
-"""A trained agent on a robot: what it has to know of it, how it drives, what came of it."""
+"""A trained agent and a robot, made to fit each other."""
 
 import copy
-import math
-from collections import Counter
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-import torch
-
-from dntorch.colors import NAMES
+from dntorch.envs.emulated import emulate
 from dntorch.envs.hardware import HardwareEnv
 from dntorch.envs.task import NOTHING
 from dntorch.experiments import checkpoint
@@ -22,11 +16,12 @@ from dntorch.modules.find_color import FindColor
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.robot.body import EPUCK, Body
 from dntorch.robot.calibration import Calibration
-from dntorch.robot.clock import Clock
+from dntorch.robot.clock import Clock, VirtualClock
+from dntorch.robot.dialects import Wifi
 from dntorch.robot.driver import Driver
+from dntorch.robot.emulator import Emulator
 from dntorch.robot.safety import Limits
-
-# ---------------------------------------------------------------- agent and robot, made to fit
+from dntorch.robot.servers import MemoryServer
 
 
 def load_agent(run: Path) -> tuple[DNSarsa, Config]:
@@ -99,173 +94,34 @@ def hardware(
     )
 
 
-# ---------------------------------------------------------------- driving
-
-Act = Callable[[np.ndarray, float], tuple[np.ndarray, int]]
-"""From image and reward to wheel speeds in rad/s and the colour found now, or ``NOTHING``."""
-
-
-class Step(NamedTuple):
-    """One control step."""
-
-    image: np.ndarray
-    """what it led to, as the agent sees it"""
-    reward: float
-    found: int
-    """position of the colour that was reported before it, or ``NOTHING``"""
-    info: dict[str, Any]
-    """of the env"""
-
-
-def acting(agent: DNSarsa) -> Act:
-    """An agent without exploration, as something that drives."""
-    none, came_on = torch.zeros_like(agent.weights), Onset(agent.behaviors.satisfaction.threshold)
-
-    @torch.no_grad()
-    def act(image: np.ndarray, reward: float) -> tuple[np.ndarray, int]:
-        wheels = agent(torch.from_numpy(image), torch.tensor(reward), none)
-        return wheels.numpy(), came_on(agent.behaviors.satisfaction.u.numpy())
-
-    return act
-
-
-class Onset:
-    """Which CoS node came on: what an agent reports as found.
-
-    Called with the activation of the nodes after each step; ``NOTHING`` if none came on.
-    """
-
-    def __init__(self, threshold: float) -> None:
-        self.threshold, self._on = threshold, np.array(False)
-
-    def __call__(self, u: np.ndarray) -> int:
-        before, self._on = self._on, u > self.threshold
-        new = self._on & ~before
-        return int(new.argmax()) if new.any() else NOTHING
-
-
-class Log:
-    """What came of driving a robot.
-
-    Attributes:
-        found: ``(step, position of the colour)`` of all that was reported.
-        completed: steps in which the sequence was completed.
-        late: s by which each step ended too late.
-        stopped: why the robot stood although nobody said so, and for how many steps.
-        fresh: steps with a new image.
-        oldest: s, age of the oldest image on which it moved.
-        connections: how often the link was made.
-        ending: why it ended, or "".
-    """
-
-    def __init__(self, config: Config) -> None:
-        self.config = config
-        self.found: list[tuple[int, int]] = []
-        self.completed: list[int] = []
-        self.late: list[float] = []
-        self.stopped: Counter[str] = Counter()
-        self.fresh, self.oldest, self.connections, self._quiet = 0, 0.0, 0, 0
-        self.ending = ""
-
-    @property
-    def steps(self) -> int:
-        return len(self.late)
-
-    @property
-    def letters(self) -> str:
-        """Colours in the order in which they were reported."""
-        return "".join(self.config.colors[color] for _, color in self.found)
-
-    def write(self, step: Step) -> None:
-        info = step.info
-        if step.found != NOTHING:
-            self.found.append((self.steps, step.found))
-        if info["completed"]:
-            self.completed.append(self.steps)
-        # Standing still for want of images says nothing of the agent.
-        self._quiet = 0 if step.found != NOTHING else self._quiet + (not info["stopped"])
-        self.stopped.update([info["stopped"]] if info["stopped"] else [])
-        self.fresh += int(info["fresh"])
-        if info["speeds"].any() and math.isfinite(info["age"]):
-            self.oldest = max(self.oldest, float(info["age"]))
-        self.connections = int(info["connections"])
-        self.late.append(float(info["late"]))
-
-    def over(self, steps: int, iterations: int, patience: float = 40.0) -> bool:
-        """Whether to end, after so many steps or sequences or finding nothing; ``ending`` says why.
-
-        ``patience`` in s: a robot that turns once at its slowest, to find one colour, takes 25.
-        """
-        if len(self.completed) >= iterations:
-            self.ending = f"the sequence was executed {iterations} times"
-        elif self._quiet * self.config.dt >= patience:
-            self.ending = f"nothing was found for {patience:g} s"
-        elif self.steps >= steps:
-            self.ending = f"{steps} steps were taken"
-        return bool(self.ending)
-
-    def summary(self) -> dict[str, Any]:
-        """Numbers for a report."""
-        late = 1e3 * np.array(self.late or [0.0])
-        return {
-            "ending": self.ending,
-            "steps": self.steps,
-            "seconds": round(self.steps * self.config.dt, 1),
-            "found": self.letters,
-            "found_at_step": [step for step, _ in self.found],
-            "completed_at_step": self.completed,
-            "images_per_second": round(self.fresh / max(1, self.steps) / self.config.dt, 2),
-            "oldest_image_moved_on_s": round(self.oldest, 3),
-            "late_ms": {
-                "median": round(float(np.median(late)), 2),
-                "p99": round(float(np.percentile(late, 99)), 2),
-                "max": round(float(late.max()), 2),
-            },
-            "stood_steps": dict(self.stopped),
-            "connections": self.connections,
-        }
-
-
-def perform(
-    env: HardwareEnv,
-    act: Act,
-    log: Log,
-    steps: int,
-    iterations: int = 2,
-    report: bool = True,
-    each: Callable[[Step], Any] = lambda step: None,
-) -> Log:
-    """Drive a robot from a reset on until `Log.over`.
+def emulated(
+    config: Config,
+    layout: int,
+    calibration: Calibration | None = None,
+    world: dict[str, Any] | None = None,
+    **emulation: Any,
+) -> tuple[HardwareEnv, Emulator, list[int]]:
+    """A robot over Wi-Fi that is not there, in virtual time.
 
     Args:
-        env, act: the robot, and what drives it.
-        log: is written; also what an error left of it.
-        steps, iterations: at most so many control steps, and executions of the sequence.
-        report: what is found counts for the task; otherwise a key press alone is rewarded.
-        each: called after each step, after the log.
+        config, calibration: as in `hardware`.
+        layout: seed of the order of the blocks.
+        world: arguments of ``EPuckEnv``; ``emulation``: others of `emulate`.
 
-    Raises:
-        ConnectionError: the link is lost.
+    Returns:
+        the robot's env, the emulator, which holds its world, and colours that the world
+        judges as found: they are appended as time goes on.
     """
-    try:
-        observation, _ = env.reset()
-        reward = 0.0
-        while not log.over(steps, iterations):
-            wheels, found = act(observation["image"], reward)
-            if report and found != NOTHING:
-                env.report(found)
-            observation, reward, _, _, info = env.step(wheels)
-            step = Step(observation["image"], reward, found, info)
-            log.write(step)
-            each(step)
-    except BaseException as error:
-        log.ending = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise
-    return log
+    clock, server, seen = VirtualClock(), MemoryServer(), []
+    task = {"colors": config.colors, "sequence": config.sequence, "dt": config.dt}
 
+    def see(info: dict[str, Any]) -> None:
+        if info["found"] != NOTHING:
+            seen.append(int(info["found"]))
 
-def spoken(agent: DNSarsa, config: Config) -> str:
-    """What an agent is after, for people."""
-    rates = agent.behaviors.intention.output(agent.behaviors.intention.state)
-    wanted = int(rates.argmax())
-    return f"find {NAMES[config.colors[wanted]]}" if rates[wanted] > 0.5 else "deciding"
+    emulator = emulate(
+        server, clock, layout=layout, world=task | (world or {}), on_step=see, **emulation
+    )
+    emulator.start()
+    driver = Driver(server.transport(), Wifi(), clock)
+    return hardware(driver, clock, config, calibration), emulator, seen

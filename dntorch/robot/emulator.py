@@ -162,6 +162,7 @@ class Emulator:
                     self._outbox.appendleft((due, data[sent:]))
                     return
         except OSError:
+            self.firmware.farewell()
             self._drop()
 
     def _drop(self) -> None:
