@@ -100,6 +100,16 @@ def overwrite(buffer: Tensor, value: Tensor) -> None:
     buffer.copy_(value.detach())
 
 
+def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
+    """Raise unless the last dimensions of an input are ``end``; it would broadcast in silence."""
+    given = list(tensor.shape)
+    if given[max(len(given) - len(end), 0) :] != end:
+        raise ValueError(
+            f"{name} of shape {given} does not end in {end} after its batch: reshape it, or build "
+            "the structure with another size"
+        )
+
+
 def check_time_constant(name: str, tau: float, dt: float) -> None:
     """Raise unless an explicit step of ``dt`` can follow a decay with time constant ``tau``."""
     if not tau > 0:

@@ -525,3 +525,14 @@ def test_direct_has_no_state_of_its_own():
     assert torch.equal(direct.match(match, {}), match)
     assert torch.equal(direct.act(match, {}), match)
     assert torch.equal(torch.jit.script(direct)(match, match / 2), match / 2)
+
+
+@every_structure_with_state
+def test_an_input_that_would_broadcast_in_silence_is_refused(case):
+    module = case.build()
+    (given,) = stream(case, 1)
+    for k, whole in enumerate(given):
+        if whole.dim():
+            one = [*given[:k], whole[..., :1], *given[k + 1 :]]
+            with pytest.raises(ValueError, match=r"of shape \["):
+                module(*one)

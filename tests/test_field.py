@@ -383,7 +383,8 @@ def test_sub_steps_allow_a_longer_control_step():
 
 @pytest.mark.parametrize(("shape", "given"), [(9, (8,)), (9, ()), ((5, 6), (6,)), ((5, 6), (6, 5))])
 def test_input_of_a_wrong_shape_says_what_fits(shape, given):
-    with pytest.raises(ValueError, match=r"input of shape \[.*\] .* shape \[.*\]: project it"):
+    message = r"input of shape \[.*\] does not end in \[.*\] after its batch: reshape"
+    with pytest.raises(ValueError, match=message):
         DNF(shape)(torch.zeros(given))
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.node import NodeState
-from dntorch.dynamics import Dynamics
+from dntorch.dynamics import Dynamics, check_ends
 from dntorch.modules.node import NodeWTA
 
 
@@ -109,6 +109,8 @@ class ElementaryBehaviors(Dynamics):
 
     def euler(self, value: Tensor, match: Tensor, state: BehaviorState) -> BehaviorState:
         """One step, without the output."""
+        check_ends("value", value, [self.n])
+        check_ends("match", match, [self.n])
         intention, satisfaction = self.output(state)
         others = intention.sum(-1, keepdim=True) - intention
         drive = self.value_gain * value - self.completion_gain * satisfaction

@@ -9,7 +9,7 @@ from dntorch.cells.field import FieldState, field_step
 from dntorch.cells.functions import sigmoid
 from dntorch.cells.integrators import check_integrator, halfway
 from dntorch.cells.kernels import SELECTIVE, Kernel, assemble
-from dntorch.dynamics import Dynamics, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
 
 
 class DNF(Dynamics):
@@ -129,12 +129,7 @@ class DNF(Dynamics):
         )  # fmt: skip
 
     def step(self, input: Tensor, state: FieldState) -> tuple[Tensor, FieldState]:
-        given = list(input.shape)
-        if given[len(given) - len(self.shape) :] != self.shape:
-            raise ValueError(
-                f"input of shape {given} does not end in the field's shape {self.shape}: "
-                "project it onto the field, or build the field with another shape"
-            )
+        check_ends("input", input, self.shape)
         for _ in range(self.substeps):
             ahead = self.euler(input, state)
             if self.integrator == "heun":

@@ -8,7 +8,7 @@ from dntorch.cells.field import FieldState
 from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
 from dntorch.cells.kernels import Gauss, Global, gauss_matrix
 from dntorch.colors import HUES, PAPER, check_colors
-from dntorch.dynamics import Dynamics
+from dntorch.dynamics import Dynamics, check_ends
 from dntorch.modules.field import DNF
 
 
@@ -178,6 +178,7 @@ class FindColor(Dynamics):
         self, observation: Tensor, intention: Tensor, state: dict[str, Tensor]
     ) -> dict[str, Tensor]:
         """One step of the fields, all from time t."""
+        check_ends("intention", intention, [self.n])
         perception = FieldState(state["perception"])
         seen = self.perception.output(perception)
         bias = 2.5 * (intention @ self.hue_bias).unsqueeze(-1)

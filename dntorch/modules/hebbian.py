@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.hebbian import HebbianState, hebbian_step
-from dntorch.dynamics import Dynamics, overwrite
+from dntorch.dynamics import Dynamics, check_ends, overwrite
 
 
 class HebbianQ(Dynamics):
@@ -126,6 +126,8 @@ class HebbianQ(Dynamics):
     def step(
         self, active: Tensor, trace: Tensor, error: Tensor, reward: Tensor, state: HebbianState
     ) -> tuple[Tensor, HebbianState]:
+        check_ends("active", active, [self.n, self.n])
+        check_ends("trace", trace, [self.n, self.n])
         rate = self.learning_rate * self.learning
         state = hebbian_step(active, trace, error, reward, state, rate, self.dt)
         return state.weights, state

@@ -10,7 +10,7 @@ from dntorch.cells.hebbian import HebbianState
 from dntorch.cells.opposition import OppositionState
 from dntorch.cells.transient import TransientState
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.dynamics import Dynamics
+from dntorch.dynamics import Dynamics, check_ends
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.opposition import ValueOpposition
 from dntorch.modules.transient import TPCell
@@ -114,6 +114,8 @@ class Learner(Dynamics):
     def step(
         self, intention: Tensor, satisfaction: Tensor, reward: Tensor, state: LearnerState
     ) -> tuple[Tensor, LearnerState]:
+        check_ends("intention", intention, [self.n])
+        check_ends("satisfaction", satisfaction, [self.n])
         active = coincidence(intention, satisfaction, self.off_diagonal, self.coincidence_threshold)
         pulse, trace, weights = state.pulses.pulse, state.trace.u, state.values.weights
         _, pulses = self.pulses.step(active, state.pulses)

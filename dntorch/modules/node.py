@@ -4,7 +4,7 @@ from torch import Tensor
 
 from dntorch.cells.functions import abs_sigmoid
 from dntorch.cells.node import NodeState, node_step
-from dntorch.dynamics import Dynamics, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
 
 
 class NodeWTA(Dynamics):
@@ -92,5 +92,6 @@ class NodeWTA(Dynamics):
         )  # fmt: skip
 
     def step(self, input: Tensor, state: NodeState) -> tuple[Tensor, NodeState]:
+        check_ends("input", input, [self.n])
         state = self.euler(input, state)
         return self.output(state), state

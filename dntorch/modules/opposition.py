@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from dntorch.cells.opposition import OppositionState, opposition_step
-from dntorch.dynamics import Dynamics, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
 
 
 class ValueOpposition(Dynamics):
@@ -102,6 +102,9 @@ class ValueOpposition(Dynamics):
     def step(
         self, pulse: Tensor, trace: Tensor, weights: Tensor, state: OppositionState
     ) -> tuple[Tensor, OppositionState]:
+        check_ends("pulse", pulse, [self.n, self.n])
+        check_ends("trace", trace, [self.n, self.n])
+        check_ends("weights", weights, [self.n, self.n])
         state = opposition_step(
             pulse, trace, weights, state, self.discount, self.tau, self.tau_error,
             self.pulse_threshold, self.trace_threshold, self.dt,

@@ -13,7 +13,7 @@ from dntorch.cells.opposition import OppositionState
 from dntorch.cells.transient import TransientState
 from dntorch.cells.value import ValueState
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.dynamics import Dynamics, overwrite
+from dntorch.dynamics import Dynamics, check_ends, overwrite
 from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
 from dntorch.modules.learner import Learner, LearnerState
 from dntorch.modules.sensorimotor import Direct
@@ -185,6 +185,7 @@ class DNSarsa(Dynamics):
         self, observation: Tensor, reward: Tensor, noise: Tensor, state: AgentState
     ) -> tuple[Tensor, AgentState]:
         """One control step of ``dt`` seconds: ``(action, state)``."""
+        check_ends("noise", noise, [self.n, self.n])
         before = self.behaviors.satisfaction.output(state.behaviors.satisfaction)
         for _ in range(self.substeps):
             ahead = self.euler(observation, reward, noise, state)

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.transient import TransientState, transient_step
-from dntorch.dynamics import Dynamics, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
 
 
 class TPCell(Dynamics):
@@ -65,5 +65,6 @@ class TPCell(Dynamics):
         return TransientState(rest, rest.clone())
 
     def step(self, input: Tensor, state: TransientState) -> tuple[Tensor, TransientState]:
+        check_ends("input", input, list(self.shape))
         state = transient_step(input, state, self.tau, self.dt)
         return state.pulse, state

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.value import ValueState, value_step
-from dntorch.dynamics import Dynamics, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
 
 
 class ValueNodes(Dynamics):
@@ -88,6 +88,8 @@ class ValueNodes(Dynamics):
     def step(
         self, satisfaction: Tensor, weights: Tensor, state: ValueState
     ) -> tuple[Tensor, ValueState]:
+        check_ends("satisfaction", satisfaction, [self.n])
+        check_ends("weights", weights, [self.n, self.n])
         weights = weights * self.off_diagonal
         state = value_step(satisfaction, weights, state, self.baseline, self.tau, self.dt)
         return state.value, state

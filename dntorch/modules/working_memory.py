@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from dntorch.cells.working_memory import WorkingMemoryState, working_memory_step
-from dntorch.dynamics import Dynamics, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
 
 
 class ItemOrderWM(Dynamics):
@@ -85,6 +85,7 @@ class ItemOrderWM(Dynamics):
         return WorkingMemoryState(self.origin.new_zeros(batch + [self.n, self.n]))
 
     def step(self, input: Tensor, state: WorkingMemoryState) -> tuple[Tensor, WorkingMemoryState]:
+        check_ends("input", input, [self.n, self.n])
         state = working_memory_step(
             input, state, self.tau, self.excitation, self.feedback, self.threshold, self.dt
         )
