@@ -111,7 +111,9 @@ def main() -> None:
         ours, found = simulated(fresh(), world, steps)
         for case, link in CASES.items():
             rows, theirs = emulated(fresh(), world, steps, config, **link)
-            away = np.abs(np.array(rows) - np.array(ours)).max(0)
+            away = np.array(rows) - np.array(ours)
+            away[:, 2] = np.angle(np.exp(1j * away[:, 2]))  # headings wrap around
+            away = np.abs(away).max(0)
             letters = ["".join(config.colors[c] for _, c in each) for each in (found, theirs)]
             print(
                 f"layout {layout}, {case}: simulated {letters[0]}, robot {letters[1]}, "

@@ -5,9 +5,9 @@ mild (a slight cast, soft, noisy, 8 images/s) or hard (strong cast, dark, blurre
 of 25 degrees, 5 images/s that come 0.2 s late). It looks around once, amid blocks in another
 order than any below, and calibrates itself. Then, in each of so many layouts, it has to execute
 the rewarded sequence twice in a row: as the agent that was trained, and as the ONNX artefact
-that was exported of it, and going on learning. You will see a line a layout, a table with Wilson's
-intervals, and two films in the layout of the paper's, with learning off and on. Called again, it
-goes on where it was. Some 7 s a layout on one core.
+that was exported of it, going on learning, and without having calibrated itself. You will see a
+line a layout, a table with Wilson's intervals, and two films in the layout of the paper's, with
+learning off and on. Called again, it goes on where it was. Some 7 s a line on one core.
 
     dntorch learn --seed 1 --out runs/one
     python recipes/transfer.py runs/one --layouts 50 --processes 2 --out runs/transfer
@@ -42,8 +42,8 @@ import run_agent
 
 ELSEWHERE = 1000
 """The layout in which the robot calibrates itself; those of the table begin at 0."""
-DRIVERS = {"agent": False, "learning": True, "artefact": False}
-"""What drives, and whether it goes on learning."""
+DRIVERS = {"agent": False, "learning": True, "artefact": False, "uncalibrated": False}
+"""What drives, and whether it goes on learning; uncalibrated, it knows the field of view alone."""
 
 
 def prepare(run: Path, camera: str, folder: Path, exports: bool) -> None:
@@ -77,6 +77,7 @@ def drive(run: Path, folder: Path, job: tuple[str, str, int], film: Path | None 
     torch.set_flush_denormal(True)
     trained, config = load_agent(run)
     known = Calibration.load(folder / f"{camera}.json")
+    known = Calibration(fov=known.fov) if driver == "uncalibrated" else known
     env, emulator, seen = emulated(config, layout, known, camera=CAMERAS[camera])
     agent = fit(trained, config, known)
     agent.learn(DRIVERS[driver])
@@ -115,7 +116,7 @@ def main() -> None:
     parser.add_argument("run", type=Path, help="folder of dntorch learn")
     parser.add_argument("--layouts", type=int, default=50)
     parser.add_argument("--cameras", default="mild,hard")
-    parser.add_argument("--drivers", default="agent,learning,artefact")
+    parser.add_argument("--drivers", default=",".join(DRIVERS))
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--no-films", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("runs/transfer"))
@@ -134,7 +135,7 @@ def main() -> None:
     print(*table, sep="\n")
     text = json.dumps(table, indent=1)
     write_atomically(given.out / "table.json", lambda file: file.write(text.encode()))
-    for driver in [] if given.no_films else [d for d in drivers if d != "artefact"]:
+    for driver in [] if given.no_films else {"agent", "learning"} & {*drivers}:
         film = given.out / f"{cameras[-1]}-{driver}.webm"
         drive(given.run, given.out, (cameras[-1], driver, 0), film)
         print(film)
