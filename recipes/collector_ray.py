@@ -1,10 +1,12 @@
 """Agents on many machines: RayCollector, each worker with an agent of its own.
 
 Ray starts on this machine, or joins a cluster with --address; workers may be anywhere. Each
-builds its policy; what it learned comes back in the collector's state. You see a line a batch,
-then, for each worker, whether its agent equals that of the plain loop with its seed, to the
-last bit. Five minutes on two cores, of which half a minute until Ray and its workers run.
-(Many runs that need no batches are simpler with `dntorch sweep --ray`.)
+builds its policy; what it learned comes back in the collector's state, which is written to a
+file halfway and read by new workers, as after a crash. The task is short, green and then blue,
+so that reward comes within minutes. You see a line a batch, then, for each worker, whether its
+agent equals that of the plain loop with its seed, to the last bit. Five minutes on two cores, of
+which half a minute until Ray and its workers run. (Many runs that need no batches are simpler
+with `dntorch sweep --ray`.)
 
     pip install 'dntorch[sim,rl,ray]'
     python recipes/collector_ray.py --workers 2 --steps 10000
@@ -12,10 +14,13 @@ last bit. Five minutes on two cores, of which half a minute until Ray and its wo
 
 import argparse
 from functools import partial
+from pathlib import Path
 
+import ray
 import torch
 from torchrl.collectors.distributed import RayCollector
 
+from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent, build_exploration
 from dntorch.experiments.trial import Trial
 from dntorch.rl import AgentPolicy, epuck
@@ -28,35 +33,53 @@ def build_policy(config: Config) -> AgentPolicy:
     return AgentPolicy(build_agent(config), config.explore, build_exploration(config))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--steps", type=int, default=10_000, help="of each agent")
-    parser.add_argument("--address", default="local", help="of a Ray cluster")
-    arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
-    steps, workers = arguments.steps, arguments.workers
-    configs = [Config(seed=k + 1, steps=steps, explore=steps // 2) for k in range(workers)]
-
-    local = {"num_cpus": workers, "include_dashboard": False}
+def collect(configs: list[Config], batches: int, state: list | None = None) -> list:
+    """The state of new workers after some batches, from the ``state`` of others."""
+    workers, frames = len(configs), configs[0].steps // 4
     collector = RayCollector(
         [partial(epuck, config) for config in configs],
         policy_factory=[partial(build_policy, config) for config in configs],
         collector_kwargs=[{} for _ in configs],  # one dict for all would give all the last policy
-        frames_per_batch=workers * steps // 5,
-        total_frames=workers * steps,
+        frames_per_batch=workers * frames,
+        total_frames=workers * configs[0].steps,
         sync=True,
         remote_configs={"num_cpus": 1, "memory": 512 * 2**20},  # TorchRL asks for 2 GiB each
-        ray_init_config={"address": arguments.address, "log_to_driver": False}
-        | (local if arguments.address == "local" else {}),
     )
-    batches = iter(collector)  # when it goes, the workers go
-    for k in range(5):
-        found = (next(batches)["next", "found"] >= 0).view(workers, -1).sum(1).tolist()
-        print(f"batch {k}: colours found by each {found}", flush=True)
-    learned = collector.state_dict()
-    collector.shutdown(shutdown_ray=arguments.address == "local")
+    if state is not None:
+        collector.load_state_dict(state)
+    iterator = iter(collector)  # when it goes, the workers go
+    for _, batch in zip(range(batches), iterator):
+        found = (batch["next", "found"] >= 0).view(workers, -1).sum(1).tolist()
+        print(f"step {int(batch['steps'].max())}: colours found by each {found}", flush=True)
+    state = collector.state_dict()
+    collector.shutdown()
+    return state
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--steps", type=int, default=10_000, help="of each agent")
+    parser.add_argument("--seed", type=int, default=3, help="of the first agent")
+    parser.add_argument("--out", type=Path, default=Path("runs/collector_ray"))
+    parser.add_argument("--address", default="local", help="of a Ray cluster")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(True)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    steps, task = arguments.steps, {"sequence": "GB", "colors": "GBY"}
+    configs = [
+        Config(seed=arguments.seed + k, steps=steps, explore=steps // 2, **task)
+        for k in range(arguments.workers)
+    ]
+
+    here = {"num_cpus": arguments.workers, "include_dashboard": False}
+    here = here if arguments.address == "local" else {}
+    ray.init(arguments.address, log_to_driver=False, **here)
+    file = arguments.out / "collector.pt"
+    checkpoint.save(file, {"state": collect(configs, 2)})
+    learned = collect(configs, 2, checkpoint.load(file)["state"])
+    ray.shutdown()
 
     for config, state in zip(configs, learned):
         policy, trial = build_policy(config), Trial(config)

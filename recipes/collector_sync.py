@@ -2,19 +2,23 @@
 
 A policy that learns on line may not be shared: with ``policy=`` all workers would step one
 agent in shared memory (`AgentPolicy` refuses). With ``policy_factory=`` each process builds its
-own; what it learned comes back in the collector's state. You see a line a batch, then, for each
-worker, whether its agent equals that of the plain loop with its seed, to the last bit. Five
-minutes on two cores; each process needs some seconds to start.
+own; what it learned comes back in the collector's state, which is written to a file halfway and
+read by new processes, as after a kill. The task is short, green and then blue, so that reward
+comes within minutes. You see a line a batch, then, for each worker, whether its agent equals
+that of the plain loop with its seed, to the last bit. Five minutes on two cores; each process
+needs some seconds to start.
 
     python recipes/collector_sync.py --workers 2 --steps 10000
 """
 
 import argparse
 from functools import partial
+from pathlib import Path
 
 import torch
 from torchrl.collectors import MultiSyncCollector
 
+from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent, build_exploration
 from dntorch.experiments.trial import Trial
 from dntorch.rl import AgentPolicy, epuck
@@ -27,29 +31,45 @@ def build_policy(config: Config) -> AgentPolicy:
     return AgentPolicy(build_agent(config), config.explore, build_exploration(config))
 
 
+def collect(configs: list[Config], batches: int, state: dict | None = None) -> dict:
+    """The state of new workers after some batches, from the ``state`` of others."""
+    workers, frames = len(configs), configs[0].steps // 4
+    collector = MultiSyncCollector(
+        [partial(epuck, config) for config in configs],
+        policy_factory=[partial(build_policy, config) for config in configs],
+        frames_per_batch=workers * frames,
+        cat_results=0,
+    )
+    if state is not None:
+        collector.load_state_dict(state)
+    iterator = iter(collector)  # when it goes, the workers go
+    for _, batch in zip(range(batches), iterator):
+        found = (batch["next", "found"] >= 0).view(workers, -1).sum(1).tolist()
+        print(f"step {int(batch['steps'].max())}: colours found by each {found}", flush=True)
+    state = collector.state_dict()
+    collector.shutdown()
+    return state
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--steps", type=int, default=10_000, help="of each agent")
+    parser.add_argument("--seed", type=int, default=3, help="of the first agent")
+    parser.add_argument("--out", type=Path, default=Path("runs/collector_sync"))
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
-    steps, workers = arguments.steps, arguments.workers
-    configs = [Config(seed=k + 1, steps=steps, explore=steps // 2) for k in range(workers)]
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    steps, task = arguments.steps, {"sequence": "GB", "colors": "GBY"}
+    configs = [
+        Config(seed=arguments.seed + k, steps=steps, explore=steps // 2, **task)
+        for k in range(arguments.workers)
+    ]
 
-    collector = MultiSyncCollector(
-        [partial(epuck, config) for config in configs],
-        policy_factory=[partial(build_policy, config) for config in configs],
-        frames_per_batch=workers * steps // 5,
-        cat_results=0,
-    )
-    batches = iter(collector)  # when it goes, the workers go
-    for k in range(5):
-        batch = next(batches)
-        found = (batch["next", "found"] >= 0).view(workers, -1).sum(1).tolist()
-        print(f"batch {k}: colours found by each {found}", flush=True)
-    learned = collector.state_dict()
-    collector.shutdown()
+    file = arguments.out / "collector.pt"
+    checkpoint.save(file, {"state": collect(configs, 2)})
+    learned = collect(configs, 2, checkpoint.load(file)["state"])
 
     for k, config in enumerate(configs):
         policy, trial = build_policy(config), Trial(config)

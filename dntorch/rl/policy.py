@@ -1,5 +1,7 @@
 """A policy for TorchRL made from the agent; it learns on line in its own forward."""
 
+from typing import Any
+
 import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
@@ -85,6 +87,13 @@ class AgentPolicy(TensorDictModuleBase):
         if carried:
             self.in_keys += [(AgentPrimer.KEY, name) for name in [*self.names, "steps", "seed"]]
             self.out_keys += [("next", key) for key in self.in_keys[3:]]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"structure": None}  # PyTorch warns of its own when it unpickles one
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self.structure = pytree.tree_structure(self.agent.state)
 
     def _spec(self, batch: list[int]) -> Composite:
         state = self.agent.initial(batch)
