@@ -204,9 +204,9 @@ def calibrate(context, images, to, colors, distance, **options) -> None:
     IMAGES, files that show the blocks all around, colours alone are measured.
     """
     check_colors(colors)
-    names = ("rotate", "mirror", "fov", "axle", "fps")
-    known = {name: options.pop(name) for name in names if options[name] or options.pop(name)}
-    known["rotate"] = int(known["rotate"])
+    given = {name: options.pop(name) for name in ("mirror", "fov", "axle", "fps")}
+    known = {name: value for name, value in given.items() if value}
+    known["rotate"] = int(options.pop("rotate"))
     if images:
         made = _from_files(images, colors, known)
     else:
