@@ -9,8 +9,12 @@ pytest.importorskip("gymnasium")
 from dntorch.envs.task import NOTHING
 from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.drive import Log, Onset, Step, why_not
-from dntorch.experiments.robot import fit, load_agent, save_learned
+from dntorch.experiments.robot import fit, hardware, load_agent, save_learned
 from dntorch.robot.calibration import Calibration
+from dntorch.robot.clock import VirtualClock
+from dntorch.robot.dialects import Sercom, Sercom2, Wifi
+from dntorch.robot.driver import Driver
+from dntorch.robot.servers import MemoryServer
 
 
 def test_what_came_on_is_reported_not_what_is_strongest():
@@ -44,6 +48,14 @@ def test_what_is_learned_is_saved_with_the_senses_of_the_simulation(tmp_path):
     assert same == config and torch.equal(again.weights, driven.weights)
     assert torch.equal(again.sensorimotor.hue_bias, trained.sensorimotor.hue_bias)
     assert (trained.weights == 0).all()
+
+
+@pytest.mark.parametrize("dialect, watchdog", [(Wifi, 0.5), (Sercom, 0.8), (Sercom2, 0.8)])
+def test_the_watchdog_waits_for_a_serial_line(dialect, watchdog):
+    driver = Driver(MemoryServer().transport(), dialect(), VirtualClock())
+    env = hardware(driver, driver.clock, Config(width=64, height=48), speed=0.7)
+    assert (env.guard.limits.watchdog, env.guard.limits.speed) == (watchdog, 0.7)
+    assert env.observation_space["image"].shape == (48, 64, 3)
 
 
 def log_of(letters: str, seconds_each: float = 1.0) -> Log:
