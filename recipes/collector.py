@@ -23,7 +23,9 @@ from dntorch.rl import AgentPolicy, epuck
 def build(config: Config, frames: int) -> tuple[Collector, AgentPolicy]:
     """A new collector; it uses the very policy that it is given."""
     policy = AgentPolicy(build_agent(config), config.explore, build_exploration(config))
-    return Collector(epuck(config), policy, frames_per_batch=frames, total_frames=-1), policy
+    options = {"frames_per_batch": frames, "total_frames": -1}
+    options["track_traj_ids"] = False  # one, without end; a tenth of what a collector adds
+    return Collector(epuck(config), policy, **options), policy
 
 
 def collect(collector: Collector, batches: int) -> None:

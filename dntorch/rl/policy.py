@@ -1,5 +1,7 @@
 """A policy for TorchRL made from the agent; it learns on line in its own forward."""
 
+from contextlib import nullcontext
+from operator import is_
 from typing import Any
 
 import torch
@@ -9,10 +11,10 @@ from torch import Tensor
 from torch.utils import _pytree as pytree
 from torchrl.data import Composite, Unbounded
 
-from dntorch.dynamics import Dynamics
 from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
-from dntorch.rl.transforms import AgentPrimer, pack, unpack
+from dntorch.rl.state import holder, leaves_of, pack, unpack
+from dntorch.rl.transforms import AgentPrimer
 
 
 class AgentPolicy(TensorDictModuleBase):
@@ -81,6 +83,7 @@ class AgentPolicy(TensorDictModuleBase):
         self.names = [pytree.keystr(path) for path, _ in leaves]
         self.names = [name.replace("['", ".").replace("']", "").lstrip(".") for name in self.names]
         self.holders = [holder(agent, name) for name in self.names]
+        self.view: tuple[list[Tensor], AgentState] | None = None
         self.in_keys = [observation, "last_reward", "is_init"]
         self.spec = self._spec(batch)
         self.out_keys = list(self.spec.keys())
@@ -89,7 +92,8 @@ class AgentPolicy(TensorDictModuleBase):
             self.out_keys += [("next", key) for key in self.in_keys[3:]]
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"structure": None}  # PyTorch warns of its own when it unpickles one
+        # PyTorch warns of its own when it unpickles a structure.
+        return self.__dict__ | {"structure": None, "view": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
@@ -123,12 +127,15 @@ class AgentPolicy(TensorDictModuleBase):
             state = self._begin(first, state)
         reward = tensordict.get("last_reward").squeeze(-1)
         noise = self._noise(state.decisions, steps, seed)
-        action, state = self.agent.step(tensordict.get(self.observation), reward, noise, state)
+        observation, fast = tensordict.get(self.observation), not self.carried
+        with torch.inference_mode() if fast and not torch.is_grad_enabled() else nullcontext():
+            action, state = self.agent.step(observation, reward, noise, state)
         steps = steps + 1
         self._remember(tensordict, state, steps, seed)
-        for key, value in self._written(state, steps).items():
-            tensordict.set(key, value)  # a new tensor each step, never a buffer
-        return tensordict.set("action", action)
+        written = self._written(state, steps) | {"action": action}
+        for key, value in written.items():  # a new tensor each step, never a buffer
+            tensordict.set(key, value.clone() if value.is_inference() else value)
+        return tensordict
 
     def _noise(self, decisions: Tensor, steps: Tensor, seed: Tensor | None = None) -> Tensor:
         exploring, draws = steps < self.explore, self.exploration
@@ -157,9 +164,8 @@ class AgentPolicy(TensorDictModuleBase):
 
     def _recall(self, tensordict: TensorDictBase) -> tuple[AgentState, Tensor, Tensor | None]:
         if not self.carried:
-            self._refuse_shared_memory()  # the step reads buffers and writes none: no copies
-            state = pytree.tree_unflatten(self._held(), self.structure)
-            return state, self.steps, None
+            self._refuse_shared_memory()
+            return self._buffered(), self.steps, None
         kept = tensordict.get(AgentPrimer.KEY, None)
         missing = [
             k for k in [*self.names, "steps", "seed"] if kept is None or k not in kept.keys()
@@ -178,16 +184,23 @@ class AgentPolicy(TensorDictModuleBase):
         if self.carried:
             tensordict.set(("next", AgentPrimer.KEY), self._pack(state, steps, seed))
         else:
-            for buffer, value in zip(self._held(), pytree.tree_leaves(state)):
+            for buffer, value in zip(self._held(), leaves_of(state)):
                 buffer.copy_(value.detach())
             self.steps.copy_(steps)
 
+    def _buffered(self) -> AgentState:
+        """The state as it lies in the buffers: a step reads it and writes none, so no copies."""
+        held = self._held()
+        if self.view is None or not all(map(is_, held, self.view[0])):
+            self.view = held, pytree.tree_unflatten(held, self.structure)
+        return self.view[1]
+
     def _held(self) -> list[Tensor]:
         """The buffers that hold the agent's state, in the order of its leaves."""
-        return [getattr(part, attribute) for part, attribute in self.holders]
+        return [buffers[name] for buffers, name in self.holders]
 
     def _pack(self, state: AgentState, steps: Tensor, seed: Tensor) -> TensorDict:
-        content = dict(zip(self.names, pytree.tree_leaves(state)))
+        content = dict(zip(self.names, leaves_of(state)))
         content |= {"steps": steps, "seed": seed}
         return TensorDict(content, batch_size=self.steps.shape)
 
@@ -229,11 +242,3 @@ class AgentPolicy(TensorDictModuleBase):
         content = unpack(state)
         self.agent.restore(content["agent"])
         self.steps.copy_(content["steps"])
-
-
-def holder(agent: DNSarsa, name: str) -> tuple[Dynamics, str]:
-    """The structure and its attribute that hold one field of the agent's state."""
-    path, _, attribute = name.rpartition(".")
-    part = agent.get_submodule(path)
-    inner = getattr(part, attribute)
-    return (inner, "u") if isinstance(inner, Dynamics) else (part, attribute)

@@ -1,7 +1,5 @@
 """What has to survive from one control step to the next, and over resets."""
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import torch
@@ -11,7 +9,7 @@ from torchrl.data import Composite, Unbounded
 from torchrl.envs import EnvBase, GymWrapper
 from torchrl.envs.transforms import TensorDictPrimer, Transform
 
-from dntorch.experiments import checkpoint
+from dntorch.rl.state import pack, unpack
 
 
 class LastReward(Transform):
@@ -162,19 +160,3 @@ def world_of(env: EnvBase) -> Any:
     """The world below all transforms and wrappers."""
     base = env.base_env
     return base._env.unwrapped if isinstance(base, GymWrapper) else base
-
-
-def pack(content: dict[str, Any]) -> dict[str, Tensor]:
-    """A checkpoint as bytes: collectors send nothing between processes but dicts of tensors."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "state.pt")
-        checkpoint.save(path, content)
-        return {"bytes": torch.frombuffer(bytearray(path.read_bytes()), dtype=torch.uint8)}
-
-
-def unpack(packed: dict[str, Tensor]) -> dict[str, Any]:
-    """The content of `pack`, without running any code that it might bring."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "state.pt")
-        path.write_bytes(packed["bytes"].numpy().tobytes())
-        return checkpoint.load(path)
