@@ -167,16 +167,15 @@ class AgentPolicy(TensorDictModuleBase):
             self._refuse_shared_memory()
             return self._buffered(), self.steps, None
         kept = tensordict.get(AgentPrimer.KEY, None)
-        missing = [
-            k for k in [*self.names, "steps", "seed"] if kept is None or k not in kept.keys()
-        ]
+        content = {} if kept is None else dict(kept.items())
+        missing = [k for k in [*self.names, "steps", "seed"] if k not in content]
         if missing:
             raise KeyError(
                 f"the tensordict lacks {missing[0]!r} under {AgentPrimer.KEY!r}: without its state "
                 "the agent would forget in silence; append policy.primer() to the env's transforms"
             )
-        leaves = [kept.get(name) for name in self.names]
-        return pytree.tree_unflatten(leaves, self.structure), kept.get("steps"), kept.get("seed")
+        leaves = [content[name] for name in self.names]
+        return pytree.tree_unflatten(leaves, self.structure), content["steps"], content["seed"]
 
     def _remember(
         self, tensordict: TensorDictBase, state: AgentState, steps: Tensor, seed: Tensor | None
