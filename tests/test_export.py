@@ -18,7 +18,7 @@ import torch
 from dntorch.envs import EPuckEnv, HardwareEnv
 from dntorch.experiments.config import Config
 from dntorch.experiments.trial import Trial
-from dntorch.export import export_run, replay
+from dntorch.export import replay
 from dntorch.noise import Exploration
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import VirtualClock
@@ -74,7 +74,13 @@ def trained(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def exported(trained, tmp_path_factory) -> Path:
-    return export_run(trained, tmp_path_factory.mktemp("export"))
+    """By the real command, in a process where a warning is an error."""
+    folder = tmp_path_factory.mktemp("run") / "export"
+    command = [sys.executable, "-m", "dntorch.cli", "export", str(trained), "--to", str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
+    assert {Path(line.split()[-1]) for line in done.stdout.splitlines()} == set(folder.iterdir())
+    return folder
 
 
 @pytest.fixture(scope="module")
