@@ -87,11 +87,12 @@ def test_a_killed_worker_costs_no_run(how: list[str], worker: str, tmp_path: Pat
     assert int(rows[7]["behaviors"]) == len(alone.record.behaviors)
 
 
-@pytest.mark.parametrize("batch", [1, 2])
-def test_a_sweep_that_is_asked_to_end_saves_and_goes_on_later(batch: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("batch", "how"), [(1, []), (2, []), (1, ["--ray", "local"])], ids=str)
+def test_a_sweep_that_is_asked_to_end_keeps_its_runs(batch: int, how, tmp_path: Path) -> None:
     steps, seeds = 1200, range(4 * batch)
     options = ["--world", "nodes", "--set", f"steps={steps}", "--set", "explore=200"]
     options += ["--seeds", f"0-{seeds[-1]}", "--batch", str(batch), "--processes", "2"]
+    options += ["--checkpoint-every", "200" if how else "5000", *how]
     command = [sys.executable, "-m", "dntorch.cli", "sweep", *options, "--out", str(tmp_path)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         while len(done := list(tmp_path.glob("*/results.json"))) < batch:

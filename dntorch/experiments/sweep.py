@@ -12,7 +12,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, fields, replace
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -209,7 +209,10 @@ def on_ray(
     begun = not ray.is_initialized()
     if begun:
         here = {} if address else {"num_cpus": processes, "include_dashboard": False}
+        former = signal.getsignal(signal.SIGTERM)
         ray.init(address=address or "local", log_to_driver=False, **here)
+        with suppress(ValueError):  # Ray's own, in a main thread, would end it without a word
+            signal.signal(signal.SIGTERM, former)
     try:
         remote = ray.remote(num_cpus=1, max_retries=retries)(run_settled)
         running = {remote.remote(task): task for task in tasks}
