@@ -47,34 +47,27 @@ def build(config: Config, carried: bool = False) -> tuple[EnvBase, AgentPolicy]:
 @FORMS
 @WORLD
 def test_a_collector_learns_what_the_plain_loop_learns(world: str, carried: bool) -> None:
-    config = Config(world=world, steps=360, explore=250, seed=3)
+    config = Config(world=world, steps=480, explore=300, seed=1, sequence="GB", colors="GB")
     trial = Trial(config)
-    trial.advance(360)
+    trial.advance(480)
+    assert trial.agent.weights.abs().max() > 0.05  # rewarded
     env, policy = build(config, carried)
     before = policy.agent.snapshot()
-    batches = [batch.clone() for batch in collector(env, policy, 90, 360)]
+    batches = [batch.clone() for batch in collector(env, policy, 120, 480)]
     record = torch.cat(batches)
     if carried:  # the agent itself was only read
         assert all(torch.equal(v, before[k]) for k, v in policy.agent.snapshot().items())
         policy.adopt(batches[-1])
     ours, theirs = policy.agent.snapshot(), trial.agent.snapshot()
     assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
-    assert policy.steps == 360
+    assert policy.steps == 480
     arrays = trial.record.arrays()
     for name in ("intention", "satisfaction", "trace", "error"):
         assert np.array_equal(record[name].numpy(), arrays[name]), name
     assert np.array_equal(record["weights"][::100].numpy(), arrays["weights"])
     assert np.array_equal(record["next", "found"].numpy(), arrays["found"])
     assert np.array_equal(record["next", "reward"][:, 0].numpy(), arrays["reward"])
-    assert record["steps"].tolist() == list(range(1, 361))
-
-
-def test_the_values_that_came_back_are_not_zero() -> None:
-    config = Config(world="nodes", seed=0, sequence="GB", colors="GB")
-    env, policy = build(config)
-    for _ in collector(env, policy, 1000, 1000):
-        pass
-    assert policy.agent.weights.abs().max() > 0.01
+    assert record["steps"].tolist() == list(range(1, 481))
 
 
 @WORLD
