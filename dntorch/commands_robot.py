@@ -19,7 +19,7 @@ from dntorch.experiments.learn import CHECKPOINT
 
 if TYPE_CHECKING:
     from dntorch.envs.hardware import HardwareEnv
-    from dntorch.experiments.drive import Log
+    from dntorch.experiments.driving import Log
     from dntorch.experiments.reel import Reel
     from dntorch.robot.calibration import Calibration
 
@@ -77,7 +77,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
     is learned goes to OUT/checkpoint.pt, which is a run of its own, after each completed
     sequence and at the end. Exit code 1 when it ended before all iterations were done.
     """
-    from dntorch.experiments import drive as driving
+    from dntorch.experiments import driving
     from dntorch.experiments.robot import fit, hardware, load_agent, save_learned
     from dntorch.robot.calibration import Calibration
 
@@ -119,7 +119,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
 
 def _follow(bar, log: "Log", agent, reel: "Reel | None", save, step) -> None:
     """After each step: a line of progress, a look for the film, what was learned on disk."""
-    from dntorch.experiments.drive import spoken
+    from dntorch.experiments.driving import spoken
 
     if reel:
         reel.take(step, log)

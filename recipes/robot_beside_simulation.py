@@ -23,7 +23,7 @@ import torch
 from dntorch.envs import EPuckEnv
 from dntorch.envs.task import NOTHING
 from dntorch.experiments import robot
-from dntorch.experiments.drive import Act, Log, acting, perform
+from dntorch.experiments.driving import Act, Log, acting, perform
 from dntorch.robot.body import STEPS_PER_TURN, Body
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.camera import Camera

@@ -28,7 +28,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: processes side by
 import torch
 
 from dntorch.experiments.checkpoint import write_atomically
-from dntorch.experiments.drive import Act, Log, Onset, acting, perform, why_not
+from dntorch.experiments.driving import Act, Log, Onset, acting, perform, why_not
 from dntorch.experiments.look_around import calibrate_from, look_around
 from dntorch.experiments.reel import Reel
 from dntorch.experiments.robot import emulated, fit, load_agent

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dntorch.experiments.config import Config
-from dntorch.experiments.drive import Log, Step
+from dntorch.experiments.driving import Log, Step
 from dntorch.experiments.video import Moment, film, stride_of
 from dntorch.modules.sarsa import DNSarsa
 

@@ -8,7 +8,7 @@ pytest.importorskip("gymnasium")
 
 from dntorch.envs.task import NOTHING
 from dntorch.experiments.config import Config, build_agent
-from dntorch.experiments.drive import Log, Onset, Step, why_not
+from dntorch.experiments.driving import Log, Onset, Step, why_not
 from dntorch.experiments.robot import fit, hardware, load_agent, save_learned
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import VirtualClock
