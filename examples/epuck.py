@@ -2,8 +2,9 @@
 
     EPUCK=tcp://192.168.1.1 python run_agent.py DIR --robot epuck.py:EPuck --seconds 60
 
-The robot stops at the end, after an error, and after Ctrl-C or a request to end. Nobody knows
-here what it found: to reward it, pass ``key=`` to `HardwareEnv`, asked once a step.
+The robot stops at the end, after an error, and after Ctrl-C or a request to end. To try it
+without one: ``dntorch emulate --port 1000`` and EPUCK=tcp://127.0.0.1:1000. What its camera is
+like (``calibration=``) and who rewards it (``key=``) are arguments of `HardwareEnv`.
 """
 
 import os
