@@ -1,6 +1,7 @@
 """The commands about robots: an emulator in virtual time, and one end to end over TCP."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from robot_worlds import Turntable
 pytest.importorskip("pybullet")
 
 from dntorch.cli import main
+from dntorch.commands_robot import _enter
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.robot import load_agent
@@ -134,6 +136,17 @@ def test_without_a_calibration_it_looks_around_first(dntorch, tmp_path):
     assert abs(made.fov - 0.432) < 0.001
     for letter, hue in {"R": 0, "G": 120, "B": 240, "Y": 60}.items():
         assert abs((made.hues[letter] - hue + 180) % 360 - 180) < 8
+
+
+def test_enter_is_heard_once_and_its_end_is_no_reward(monkeypatch):
+    ours, theirs = os.pipe()
+    with os.fdopen(ours) as stdin, os.fdopen(theirs, "w", buffering=1) as keys:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        assert not _enter()
+        keys.write("\n")
+        assert _enter() and not _enter()
+        keys.close()
+        assert not _enter() and not _enter()
 
 
 # ---------------------------------------------------------------- calibrate
