@@ -127,8 +127,10 @@ class AgentPolicy(TensorDictModuleBase):
             state = self._begin(first, state)
         reward = tensordict.get("last_reward").squeeze(-1)
         noise = self._noise(state.decisions, steps, seed)
-        observation, fast = tensordict.get(self.observation), not self.carried
-        with torch.inference_mode() if fast and not torch.is_grad_enabled() else nullcontext():
+        observation = tensordict.get(self.observation)
+        # Faster, where no gradient is wanted; but TorchRL writes in place to what it carries.
+        plain = self.carried or torch.is_grad_enabled()
+        with nullcontext() if plain else torch.inference_mode():
             action, state = self.agent.step(observation, reward, noise, state)
         steps = steps + 1
         self._remember(tensordict, state, steps, seed)
