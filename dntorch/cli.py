@@ -1,4 +1,4 @@
-"""The command line: ``dntorch learn``."""
+"""The command line: entry point and errors."""
 
 import sys
 

@@ -61,8 +61,9 @@ def reproduce(context, world, runs, seed, explore, steps, processes, out, resume
         folder = out or Path("runs") / f"reproduce-{world}-seed{seed}"
         _begin(folder, config, runs, processes)
     study = _run(config, runs, folder, processes)
-    _report(study, folder, f"dntorch reproduce --world {config.world} --runs {runs} "
-                           f"--seed {config.seed}")  # fmt: skip
+    options = {"world": config.world, "runs": runs, "seed": config.seed, "explore": config.explore,
+               "steps": config.steps}  # fmt: skip
+    _report(study, folder, "dntorch reproduce " + " ".join(f"--{k} {v}" for k, v in options.items()))
 
 
 def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":

@@ -100,6 +100,17 @@ def overwrite(buffer: Tensor, value: Tensor) -> None:
     buffer.copy_(value.detach())
 
 
+def check_parts(whole: Dynamics, n: int, dt: float) -> None:
+    """Raise unless all parts of a composite are for ``n`` behaviours and step by ``dt``."""
+    for name, part in whole.named_modules():
+        if part is whole or not isinstance(part, Dynamics):
+            continue
+        if abs(part.dt - dt) > 1e-9 * dt:
+            raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
+        if getattr(part, "n", n) != n:
+            raise ValueError(f"{name}.n={part.n} does not fit: build the part with n={n}")
+
+
 def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
     """Raise unless the last dimensions of an input are ``end``; it would broadcast in silence."""
     given = list(tensor.shape)

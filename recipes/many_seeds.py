@@ -35,9 +35,12 @@ def run_seed(seed: int, folder: Path, options: dict) -> dict:
     torch.set_flush_denormal(True)
     folder.mkdir(parents=True, exist_ok=True)
     done, begun = folder / "results.json", folder / "checkpoint.pt"
+    config = Config(seed=seed, **options)
+    trial = Trial.load(begun) if begun.exists() else Trial(config)
+    if trial.config != config:
+        raise ValueError(f"{folder} holds a run with other options: name another --out")
     if done.exists():
         return json.loads(done.read_text())
-    trial = Trial.load(begun) if begun.exists() else Trial(Config(seed=seed, **options))
     before = trial.step
     seconds = train(trial, folder, until=trial.config.explore)
     if len(trial.record.rewards):

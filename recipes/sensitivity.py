@@ -37,7 +37,7 @@ SWEEPS = {
 TIME_STEPS = {"1/32 s Heun": (1, "heun"), "1/64 s": (2, "euler"), "1/128 s": (4, "euler")}
 
 
-def draw(table: dict, config: Config) -> Figure:
+def draw(table: dict) -> Figure:
     figure = Figure(figsize=(13, 6.4), layout="constrained")
     axes = figure.subplots(2, 4).flat
     for ax, (title, rows) in zip(axes, table.items()):
@@ -116,7 +116,7 @@ def main() -> None:
                   f"lower bound {row['optimal_given_found_interval'][0]:.3f}{mark}")  # fmt: skip
     content = {"runs": a.runs, "seed": a.seed, "commit": commit(), "sweeps": table}
     write_json(a.out / "sensitivity.json", content)
-    draw(table, config).savefig(a.out / "sensitivity.png", dpi=100, facecolor="white")
+    draw(table).savefig(a.out / "sensitivity.png", dpi=100, facecolor="white")
 
 
 if __name__ == "__main__":

@@ -597,7 +597,7 @@ def test_the_printed_inhibition_leaves_two_intentions_on():
     assert on == {10.0: 2, 30.0: 1}
 
 
-def test_with_the_printed_inhibition_a_finished_behavior_wins_again():
+def test_with_the_printed_inhibition_a_finished_intention_does_not_end_by_itself():
     still_on = {}
     for gain in (5.0, None):
         behaviors = ElementaryBehaviors(4, completion_gain=gain)

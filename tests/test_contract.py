@@ -536,3 +536,39 @@ def test_an_input_that_would_broadcast_in_silence_is_refused(case):
             one = [*given[:k], whole[..., :1], *given[k + 1 :]]
             with pytest.raises(ValueError, match=r"of shape \["):
                 module(*one)
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: ElementaryBehaviors(4, intention=NodeWTA(3)), r"intention\.n=3 .* n=4"),
+        (
+            lambda: ElementaryBehaviors(4, dt=1 / 64, intention=NodeWTA(4)),
+            r"intention\.dt=0\.03125",
+        ),
+        (lambda: ElementaryBehaviors(4, value_gain=-5.0), r"value_gain=-5\.0 must be positive"),
+        (lambda: Learner(4, trace=ItemOrderWM(4, dt=1 / 64)), r"trace\.dt=0\.015625"),
+        (lambda: Learner(4, pulses=TPCell((3, 3))), r"pulses\.shape=\(3, 3\)"),
+        (lambda: DNSarsa(4, learner=Learner(3)), r"learner.*\.n=3 .* n=4"),
+        (lambda: FindColor("RGBY", axle=0.0), r"axle=0\.0 must be positive"),
+        (lambda: FindColor("RGBY", hue_centers=[0.0, 1.0, 2.0]), "one for each color of RGBY"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(build, message):
+    with pytest.raises(ValueError, match=message):
+        build()
+
+
+def test_a_body_must_be_a_structure():
+    with pytest.raises(TypeError, match="is no Dynamics"):
+        DNSarsa(4, nn.Linear(4, 4))
+
+
+def test_a_reward_of_another_shape_leaves_the_agent_as_it_was():
+    agent = DNSarsa(3).spread(8)
+    before = agent.snapshot()
+    for shape in ((1,), (8, 1)):
+        with pytest.raises(ValueError, match=r"reward of shape .* does not fit the batch \[8\]"):
+            agent(torch.ones(8, 3), torch.zeros(shape), torch.zeros(8, 3, 3))
+    for name, buffer in agent.snapshot().items():
+        assert torch.equal(buffer, before[name])

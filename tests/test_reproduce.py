@@ -19,6 +19,7 @@ from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.results import plain
 from dntorch.experiments.trial import Trial
 from dntorch.noise import Exploration
+from dntorch.studies.batches import Job, run_groups
 from dntorch.studies.claims import NO, UNTESTABLE, YES, claims, write_page
 from dntorch.studies.figures import draw
 from dntorch.studies.group import Group
@@ -115,8 +116,9 @@ def test_portions_and_a_resume_give_the_same_numbers(tmp_path) -> None:
     second.advance(5000)
     for name, array in second.results().items():
         np.testing.assert_array_equal(array, whole[name])
-    with pytest.raises(ValueError, match="another group"):
-        Population(Group(SHORT, (0, 1)), compiled=False).load(tmp_path / "p.pt")
+    for other in (Group(SHORT, (0, 1)), Group(SHORT, group.agents, "short_trace")):
+        with pytest.raises(ValueError, match="another group"):
+            Population(other, compiled=False).load(tmp_path / "p.pt")
 
 
 def test_parameters_may_differ_between_agents() -> None:
@@ -264,3 +266,13 @@ def test_camera_runs_go_on_after_ctrl_c(camera: Path, tmp_path: Path) -> None:
         for folder in (tmp_path / "stopped", camera)
     )
     assert stopped == whole
+
+
+def test_runs_of_another_group_are_not_taken_for_these(no_compiler, tmp_path: Path) -> None:
+    here = [Job("same", Group(TINY, (0, 1)))]
+    first = run_groups(here, tmp_path, processes=1)["same"]
+    for other in (Group(TINY, (0, 1), "short_trace"), Group(replace(TINY, seed=9), (0, 1))):
+        with pytest.raises(ValueError, match="another group of runs: name another folder"):
+            run_groups([Job("same", other)], tmp_path, processes=1)
+    for name, array in run_groups(here, tmp_path, processes=1)["same"].items():
+        np.testing.assert_array_equal(array, first[name])

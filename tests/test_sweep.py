@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -171,6 +172,21 @@ def test_a_batch_that_was_killed_goes_on_to_the_same_numbers(tmp_path: Path) -> 
         assert torch.equal(ours.agent.weights, theirs.agent.weights)
         assert np.array_equal(ours.record.found, theirs.record.found)
         assert np.array_equal(ours.record.satisfaction, theirs.record.satisfaction)
+
+
+def test_a_batch_is_not_taken_for_another(tmp_path: Path) -> None:
+    begun = Together(several())
+    checkpoint.save(tmp_path / "batch.pt", begun.content())
+    others = tuple(replace(config, seed=config.seed + 10) for config in several())
+    with pytest.raises(ValueError, match="batch of other runs: name another folder"):
+        Together(others).train(tmp_path / "batch.pt", 300)
+    first, second = (sweep.grid(SHORT, seeds, {}) for seeds in ([0, 1], [0, 5]))
+    for configs in (first, second):
+        sweep.run(*sweep.plan(configs, tmp_path, batch=2))
+    alone = Trial(second[1])
+    alone.advance(SHORT.steps)
+    kept = Trial.load(tmp_path / sweep.name_of(second[1]) / "checkpoint.pt")
+    assert np.array_equal(kept.record.found, alone.record.found)
 
 
 def test_a_member_can_go_on_alone(tmp_path: Path) -> None:

@@ -91,6 +91,8 @@ def assemble(
     axes = len(shape)
     borders = per_axis("border", border, axes)
     total, terms = 0.0, []
+    if isinstance(kernel, Gauss | Global | Matrices):  # a tuple itself, but of numbers
+        kernel = (kernel,)
     for term in kernel:
         if isinstance(term, Global) or (isinstance(term, Gauss) and axes == 0):
             total += term.amplitude

@@ -83,7 +83,17 @@ class NodesWorld:
         return NodesState(none + NOTHING, none, none, none, none, task)
 
     def step(self, intention: Tensor, state: NodesState) -> tuple[NodesStep, NodesState]:
-        """One control step under the firing rates of the intentions, ``(*batch, n)``."""
+        """One control step under the firing rates of the intentions, ``(*batch, n)``.
+
+        Raises:
+            ValueError: intentions of another number or batch.
+        """
+        if intention.shape != (*state.target.shape, self.n):
+            raise ValueError(
+                f"intention of shape {list(intention.shape)} does not fit "
+                f"{[*state.target.shape, self.n]}: number the agents of the batch and name as many "
+                "colors as the agent has behaviors"
+            )
         strongest, choice = intention.max(-1)
         on = strongest > 0.5
         begun = on & (choice != state.target)

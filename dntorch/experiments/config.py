@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from dntorch.cells.integrators import check_integrator
 from dntorch.colors import PAPER, check_colors, check_sequence
+from dntorch.dynamics import check_time_constant
 from dntorch.modules.find_color import FindColor
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.learner import Learner
@@ -57,6 +58,14 @@ class Config:
             raise ValueError(f"world={self.world!r}: choose from {', '.join(WORLDS)}")
         check_sequence(self.sequence, check_colors(self.colors))
         check_integrator(self.integrator, self.substeps)
+        for name in ("dt", "learning_rate", "trace_tau", "reward_duration", "noise"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}={getattr(self, name)} must be positive")
+        check_time_constant("trace_tau", self.trace_tau, self.fine)
+        if not 0 <= self.seed < 2**32:
+            raise ValueError(f"seed={self.seed}: give a whole number from 0 to {2**32 - 1}")
+        if min(self.width, self.height) < 1:
+            raise ValueError(f"width={self.width}, height={self.height}: give an image of pixels")
         if self.steps < 1:
             raise ValueError(f"steps={self.steps}: run for at least one step")
         if not 0 <= self.explore <= self.steps:

@@ -32,9 +32,13 @@ def plain(value: Any) -> Any:
 
 
 def commit() -> str | None:
-    """The commit that the code is at, if it is in a git checkout."""
-    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]
+    """The commit of the source tree, with a mark if files differ from it; None if installed."""
+    here = Path(__file__)
+    git = ["git", "-C", str(here.parent)]
+    options: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 20, "check": True}
     try:
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
+        subprocess.run([*git, "ls-files", "--error-unmatch", here.name], **options)
+        describe = [*git, "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+        return subprocess.run(describe, **options).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
         return None

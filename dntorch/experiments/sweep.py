@@ -103,10 +103,12 @@ def run(task: Task) -> Table:
     if len(folders) == 1:
         return [run_seed(task.configs[0], folders[0], task.save_every)]
     if not all((folder / learn.RESULTS).exists() for folder in folders):
-        trials, seconds = Together(task.configs).train(folders[0] / "batch.pt", task.save_every)
+        begun = folders[0] / "batch.pt"
+        trials, seconds = Together(task.configs).train(begun, task.save_every)
         for trial, folder in zip(trials, folders):
             trial.save(folder / learn.CHECKPOINT)
             learn.write_results(trial, folder, learn.results(trial, trial.step, seconds))
+        begun.unlink()
     return [_finished(config, folder) for config, folder in zip(task.configs, folders)]
 
 

@@ -1,7 +1,7 @@
 """Trials of the abstract world as one batch: each step is computed once for all of them."""
 
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -112,7 +112,7 @@ class Together:
         moving = (self.state, self.place, self.observation, self.reward)
         cut = {"found": self.found, "completed": self.completed}
         return {
-            "seeds": [config.seed for config in self.configs],
+            "configs": [asdict(config) for config in self.configs],
             "moving": pytree.tree_leaves(moving),
             "on": self.on[:, : self.steps],
             **{name: array[: self.steps] for name, array in cut.items()},
@@ -120,6 +120,8 @@ class Together:
 
     def load(self, path: Path) -> None:
         content = checkpoint.load(path)
+        if content["configs"] != [asdict(config) for config in self.configs]:
+            raise ValueError(f"{path} is of a batch of other runs: name another folder")
         moving = (self.state, self.place, self.observation, self.reward)
         structure = pytree.tree_structure(moving)
         moving = pytree.tree_unflatten(content["moving"], structure)

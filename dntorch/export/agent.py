@@ -1,6 +1,5 @@
 """From a trained agent's checkpoint to artefacts, with a record of it at work."""
 
-import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from dntorch.colors import HUES, NAMES
 from dntorch.envs.task import NOTHING
 from dntorch.experiments.config import Config, build_exploration
 from dntorch.experiments.learn import CHECKPOINT
+from dntorch.experiments.results import commit
 from dntorch.experiments.trial import load_trained
 from dntorch.experiments.worlds import World, build_world
 from dntorch.export.artefacts import DEFAULT, checksum, write
@@ -141,21 +141,8 @@ def _about(boundary: Boundary, config: Config) -> dict[str, Any]:
             "behaviors.intention.u": agent.behaviors.intention.threshold,
             "behaviors.satisfaction.u": agent.behaviors.satisfaction.threshold,
         },
-        "source": {"commit": _commit(), "config": asdict(config)},
+        "source": {"commit": commit(), "config": asdict(config)},
     }
     if camera:
         about["max_speed"] = agent.sensorimotor.max_speed
     return about
-
-
-def _commit() -> str | None:
-    """The commit of the source tree, with a mark if files differ from it; None if installed."""
-    here = Path(__file__)
-    git = ["git", "-C", str(here.parent)]
-    options: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 20, "check": True}
-    try:
-        subprocess.run([*git, "ls-files", "--error-unmatch", here.name], **options)
-        describe = [*git, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
-        return subprocess.run(describe, **options).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return None

@@ -51,7 +51,8 @@ class FindColor(Dynamics):
             camera: calibrate).
 
     Raises:
-        ValueError: an image that is not uint8 RGB, unknown colours, two of them in one bin.
+        ValueError: an image that is not uint8 RGB, unknown colours, two of them in one bin,
+            lengths, angles or speeds that are not positive.
 
     Source: sections III.B and IV.A of Kazerounian, Luciw, Richter and Sandamirskaya,
     "Autonomous Reinforcement of Behavioral Sequences in Neural Dynamics".
@@ -92,6 +93,12 @@ class FindColor(Dynamics):
     ) -> None:
         super().__init__(dt)
         self.n = len(check_colors(colors))
+        numbers = {"fov": fov, "wheel_radius": wheel_radius, "axle": axle, "max_speed": max_speed}
+        for name, value in numbers.items():
+            if not value > 0:
+                raise ValueError(f"{name}={value} must be positive")
+        if hue_centers is not None and len(hue_centers) != self.n:
+            raise ValueError(f"hue_centers={hue_centers}: give one for each color of {colors}")
         self.wheel_radius, self.axle, self.max_speed = wheel_radius, axle, max_speed
         self.turning_gain, self.scan = turning_gain, scan
         self.hues, self.columns = hues, columns

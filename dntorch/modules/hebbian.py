@@ -128,6 +128,12 @@ class HebbianQ(Dynamics):
     ) -> tuple[Tensor, HebbianState]:
         check_ends("active", active, [self.n, self.n])
         check_ends("trace", trace, [self.n, self.n])
+        if reward.dim() > 0 and reward.shape != error.shape:
+            raise ValueError(
+                f"reward of shape {list(reward.shape)} does not fit the batch "
+                f"{list(error.shape)}: give one number for each agent, or call resize(*batch) "
+                "with the batch of the inputs first"
+            )
         rate = self.learning_rate * self.learning
         state = hebbian_step(active, trace, error, reward, state, rate, self.dt)
         return state.weights, state

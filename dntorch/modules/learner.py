@@ -10,7 +10,7 @@ from dntorch.cells.hebbian import HebbianState
 from dntorch.cells.opposition import OppositionState
 from dntorch.cells.transient import TransientState
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.dynamics import Dynamics, check_ends
+from dntorch.dynamics import Dynamics, check_ends, check_parts
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.opposition import ValueOpposition
 from dntorch.modules.transient import TPCell
@@ -48,6 +48,9 @@ class Learner(Dynamics):
         pulses, trace, opposition, values: stages with other parameters than the defaults.
         coincidence_threshold: :math:`\theta` of the state-action cells, within (0, 1).
 
+    Raises:
+        ValueError: a stage of another size or ``dt``; inputs of other sizes.
+
     Source: section III.C of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
     Reinforcement of Behavioral Sequences in Neural Dynamics".
 
@@ -79,6 +82,11 @@ class Learner(Dynamics):
         self.trace = trace or ItemOrderWM(n, dt=dt)
         self.opposition = opposition or ValueOpposition(n, dt=dt)
         self.values = values or HebbianQ(n, dt=dt)
+        check_parts(self, n, dt)
+        if tuple(self.pulses.shape) != (n, n):
+            raise ValueError(
+                f"pulses.shape={tuple(self.pulses.shape)} does not fit: build TPCell(({n}, {n}))"
+            )
 
     @property
     def state(self) -> LearnerState:

@@ -4,7 +4,7 @@ import copy
 from typing import NamedTuple
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from dntorch.cells.hebbian import HebbianState
 from dntorch.cells.integrators import check_integrator, halfway
@@ -13,7 +13,7 @@ from dntorch.cells.opposition import OppositionState
 from dntorch.cells.transient import TransientState
 from dntorch.cells.value import ValueState
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.dynamics import Dynamics, check_ends, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_parts, overwrite
 from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
 from dntorch.modules.learner import Learner, LearnerState
 from dntorch.modules.sensorimotor import Direct
@@ -60,6 +60,7 @@ class DNSarsa(Dynamics):
 
     Raises:
         ValueError: a part of another size or with another ``dt``.
+        TypeError: a sensorimotor part that is no `Dynamics`.
 
     Source: Fig. 1 and section III of Kazerounian, Luciw, Richter and Sandamirskaya,
     "Autonomous Reinforcement of Behavioral Sequences in Neural Dynamics". Deviations: those
@@ -78,7 +79,7 @@ class DNSarsa(Dynamics):
     def __init__(
         self,
         n: int,
-        sensorimotor: nn.Module | None = None,
+        sensorimotor: Dynamics | None = None,
         behaviors: ElementaryBehaviors | None = None,
         value_nodes: ValueNodes | None = None,
         learner: Learner | None = None,
@@ -90,26 +91,16 @@ class DNSarsa(Dynamics):
         check_integrator(integrator, substeps)
         self.n, self.substeps, self.heun = n, substeps, integrator == "heun"
         fine = dt / substeps
+        if not isinstance(sensorimotor, Dynamics | None):
+            raise TypeError(
+                f"sensorimotor={sensorimotor} is no Dynamics: write it as `Direct` is written"
+            )
         self.sensorimotor = sensorimotor or Direct(dt=fine)
         self.behaviors = behaviors or ElementaryBehaviors(n, dt=fine)
         self.value_nodes = value_nodes or ValueNodes(n, dt=fine)
         self.learner = learner or Learner(n, dt=fine)
-        self._check_parts(fine)
+        check_parts(self, n, fine)
         self.resize()
-
-    def _check_parts(self, fine: float) -> None:
-        for name, part in self.named_modules():
-            if part is self or not isinstance(part, Dynamics):
-                continue
-            if abs(part.dt - fine) > 1e-9 * fine:
-                raise ValueError(
-                    f"{name}.dt={part.dt} does not fit dt={self.dt} with substeps={self.substeps}: "
-                    f"build the part with dt={fine}"
-                )
-            if getattr(part, "n", self.n) != self.n:
-                raise ValueError(
-                    f"{name}.n={part.n} does not fit n={self.n}: build the part with n={self.n}"
-                )
 
     @property
     def state(self) -> AgentState:

@@ -85,7 +85,8 @@ def _population(index: int, job: Job, folder: Path) -> bool:
         if not run(population, folder / f"{job.name}.pt", progress=partial(report, index)):
             return False
         events = population.results()
-        checkpoint.write_atomically(done, lambda file: np.savez(file, **events))
+        description = np.array(job.group.description())
+        checkpoint.write_atomically(done, lambda file: np.savez(file, group=description, **events))
     report(index, job.group.config.steps)
     return True
 
@@ -132,19 +133,29 @@ def run_groups(
     progress: Callable[[int], Any] = lambda steps: None,
     batches: int | None = None,
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Events of each job, cut in ``batches`` (one a process); what is done already is read."""
+    """Events of each job, cut in ``batches`` (one a process); what is done already is read.
+
+    Raises:
+        ValueError: ``folder`` holds runs of another group under the same name.
+    """
     parts = [part for job in groups for part in split(job, batches or processes)]
     if not all((folder / f"{part.name}.npz").exists() for part in parts):
         run_all(_population, parts, folder, processes, progress)
     results: dict[str, dict[str, np.ndarray]] = {}
     for job in groups:
-        names = [part.name for part in split(job, batches or processes)]
-        events = [dict(np.load(folder / f"{name}.npz")) for name in names]
+        events = [_read(part, folder) for part in split(job, batches or processes)]
         results[job.name] = {
             key: np.concatenate([e[key] for e in events], -1 if key == "trouble" else 0)
             for key in events[0]
         }
     return results
+
+
+def _read(part: Job, folder: Path) -> dict[str, np.ndarray]:
+    path = folder / f"{part.name}.npz"
+    events = dict(np.load(path))
+    part.group.check(str(events.pop("group", "")), path)
+    return events
 
 
 def total_steps(groups: list[Job], processes: int = 2) -> int:

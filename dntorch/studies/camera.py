@@ -1,5 +1,7 @@
 """Runs of the camera world for `reproduce`: a trial a process, remembered as events."""
 
+import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,7 @@ def run_camera(index: int, config: Config, folder: Path) -> bool:
     done, begun = _events_of(folder, config.seed), checkpoint_of(folder, config.seed)
     if not done.exists():
         trial, weights = Trial(config) if not begun.exists() else Trial.load(begun), []
+        _check(trial.config, config, begun)
         if begun.exists():
             weights = list(checkpoint.load(begun)["onset_weights"])
         while not trial.finished:
@@ -40,6 +43,11 @@ def run_camera(index: int, config: Config, folder: Path) -> bool:
         checkpoint.write_atomically(done, lambda file: np.savez(file, **events))
     report(index, config.steps)
     return True
+
+
+def _check(kept: Config, wanted: Config, path: Path) -> None:
+    if kept != wanted:
+        raise ValueError(f"{path} is of a run with other options: name another folder")
 
 
 def _events_of(folder: Path, seed: int) -> Path:
@@ -60,6 +68,7 @@ def _events(trial: Trial, weights: np.ndarray) -> dict[str, np.ndarray]:
         "error": np.stack(sums, -1),
         "weights": weights.reshape(len(steps), trial.agent.n, trial.agent.n),
         "trouble": np.array([together.sum(), record.steps_without_state]),
+        "config": np.array(json.dumps(asdict(trial.config))),
     }
 
 
@@ -71,7 +80,8 @@ def camera_runs(configs: list[Config], folder: Path) -> Runs:
     steps, behaviors = np.full((2, count, longest), -1, np.int64)
     rewarded, disagreements = np.zeros((count, longest), bool), np.zeros(count, np.int64)
     error, weights = np.zeros((count, longest, 2)), np.zeros((count, longest, n, n), np.float32)
-    for run, e in enumerate(each):
+    for run, (e, config) in enumerate(zip(each, configs)):
+        _check(Config(**json.loads(str(e["config"]))), config, _events_of(folder, config.seed))
         m = len(e["steps"])
         steps[run, :m], behaviors[run, :m] = e["steps"], e["behaviors"]
         rewarded[run], disagreements[run] = match(steps[run], behaviors[run], e["finds"])

@@ -1,6 +1,8 @@
 """Which agents run in one batch."""
 
-from dataclasses import dataclass, field
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 from dntorch.experiments.config import Config
 
@@ -26,3 +28,12 @@ class Group:
     """remember the weights at every onset"""
     rows: tuple[int, ...] = ()
     """what to call each agent in the events, by default its number"""
+
+    def description(self) -> str:
+        """All of it in one line, which finished and begun runs keep."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+    def check(self, description: str, path: Path) -> None:
+        """Raise unless the runs kept at ``path`` are those of this group."""
+        if description != self.description():
+            raise ValueError(f"{path} is of another group of runs: name another folder")

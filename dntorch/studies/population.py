@@ -8,7 +8,6 @@ of the *next* event, and only an event moves on to another row.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -240,7 +239,7 @@ class Population:
     # ------------------------------------------------------------------ files
 
     def results(self) -> dict[str, np.ndarray]:
-        """Events in order of agents and steps; see `dntorch.studies.outcomes.Runs`."""
+        """Events in order of agents and steps; see `dntorch.studies.runs.Runs`."""
         joined = {name: np.concatenate(parts) for name, parts in self.events.items()}
         for leader, names in (("onset", ("error", "weights", "onset")), ("find", ("find",))):
             order = np.lexsort((joined[leader][:, 1], joined[leader][:, 0]))
@@ -252,7 +251,7 @@ class Population:
         flat = torch.utils._pytree.tree_leaves(self.running)
         events = {name: np.concatenate(parts) for name, parts in self.events.items()}
         return {
-            "config": asdict(self.config),
+            "group": self.group.description(),
             "now": self.now,
             "running": [tensor.contiguous() for tensor in flat],
             "events": events,
@@ -267,10 +266,7 @@ class Population:
         content = checkpoint.load(path)
         flat = torch.utils._pytree.tree_leaves(self.running)
         saved = content["running"]
-        if content["config"] != asdict(self.config) or [t.shape for t in flat] != [
-            t.shape for t in saved
-        ]:
-            raise ValueError(f"{path} is of another group of runs: name another folder")
+        self.group.check(content.get("group", ""), path)
         for own, other in zip(flat, saved):
             own.copy_(other)
         self.now = content["now"]

@@ -66,7 +66,7 @@ def measure(config: Config, runs: Runs, single: Runs | None) -> Study:
             "steps_with_two_intentions": int(runs.trouble[0].sum()),
             "steps_without_state": int(runs.trouble[1].sum()),
         },
-        "td_error": td_error(config, runs, result, explored, total),
+        "td_error": td_error(config, runs, result, total),
         "shortcuts": shortcuts(config, runs, result, explored),
     }
     results |= yoked(runs, result, explored, learning)
@@ -115,9 +115,7 @@ def exploration(counts: np.ndarray, config: Config) -> dict[str, Any]:
     }
 
 
-def td_error(
-    config: Config, runs: Runs, result: Outcome, explored: np.ndarray, total: np.ndarray
-) -> dict[str, Any]:
+def td_error(config: Config, runs: Runs, result: Outcome, total: np.ndarray) -> dict[str, Any]:
     """Mean size of the TD error per transition, over time; of runs that found the sequence.
 
     The integral of reward plus value cell over a transition, by the width of a pulse.
