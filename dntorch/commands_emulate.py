@@ -49,7 +49,7 @@ def emulate(host: str, port: int, pty: bool, colors: str, **options: Any) -> Non
 
 
 def _watch(emulator: "Emulator") -> None:
-    with tqdm(unit="step", mininterval=0.5) as bar:
+    with tqdm(unit="step", mininterval=0.5, miniters=0) as bar:
         while True:
             left, right = emulator.speeds
             client = "connected" if emulator.connected else "none"
