@@ -63,7 +63,8 @@ def reproduce(context, world, runs, seed, explore, steps, processes, out, resume
     study = _run(config, runs, folder, processes)
     options = {"world": config.world, "runs": runs, "seed": config.seed, "explore": config.explore,
                "steps": config.steps}  # fmt: skip
-    _report(study, folder, "dntorch reproduce " + " ".join(f"--{k} {v}" for k, v in options.items()))
+    given = " ".join(f"--{name} {value}" for name, value in options.items())
+    _report(study, folder, f"dntorch reproduce {given}")
 
 
 def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":

@@ -108,7 +108,7 @@ def check_parts(whole: Dynamics, n: int, dt: float) -> None:
         if abs(part.dt - dt) > 1e-9 * dt:
             raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
         if getattr(part, "n", n) != n:
-            raise ValueError(f"{name}.n={part.n} does not fit: build the part with n={n}")
+            raise ValueError(f"{name}.n={part.n} does not fit n={n}: build the part with n={n}")
 
 
 def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
