@@ -100,7 +100,10 @@ def test_a_sweep_that_is_asked_to_end_keeps_its_runs(batch: int, how, tmp_path: 
             assert process.poll() is None, process.stderr.read()
             time.sleep(0.02)
         process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=60)
+        try:
+            _, errors = process.communicate(timeout=60)
+        finally:
+            process.kill()  # one that hangs would hang the tests
     assert process.returncode == 130, errors
     assert f"of {len(seeds)} runs finished; the same command goes on" in errors
     assert "Traceback" not in errors

@@ -47,8 +47,6 @@ def train(
                 progress(trial, trial.step - before)
             if trial.step % save_every == 0 or trial.step == end or asked():
                 trial.save(folder / CHECKPOINT)
-        if asked():
-            raise KeyboardInterrupt
     return time.monotonic() - began
 
 

@@ -14,6 +14,9 @@ def postponed() -> Iterator[Callable[[], bool]]:
 
     An exception in the middle of a control step would leave the world a step ahead of the
     agent. Outside the main thread, where no signal arrives, it is always false.
+
+    Raises:
+        KeyboardInterrupt: at the end, if one came.
     """
     came: list[int] = []
     former = {}
@@ -24,3 +27,5 @@ def postponed() -> Iterator[Callable[[], bool]]:
     finally:
         for number, handler in former.items():
             signal.signal(number, handler)
+    if came:
+        raise KeyboardInterrupt

@@ -7,6 +7,7 @@ that was killed goes on from its checkpoint. So a sweep may itself be killed and
 
 import itertools
 import json
+import os
 import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -171,7 +172,7 @@ def in_processes(
             with ProcessPoolExecutor(processes, get_context("spawn"), _begin) as pool, _stopping():
                 while waiting or running:
                     while waiting and len(running) < processes:
-                        running[pool.submit(unit, waiting[0])] = waiting[0]
+                        running[pool.submit(_one, unit, waiting[0])] = waiting[0]
                         waiting.popleft()
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
                         finished = _outcome(running[future], future.result)
@@ -185,6 +186,13 @@ def in_processes(
                     yield Finished(task, [], f"killed {killed[task]} times")
                 else:
                     waiting.append(task)
+
+
+def _one(unit: Callable[[Task], Table], task: Task) -> Table:
+    try:
+        return unit(task)
+    except KeyboardInterrupt:
+        os._exit(130)  # saved; one that went back for more could wait for ever for a dead one
 
 
 @contextmanager

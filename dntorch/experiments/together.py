@@ -103,8 +103,6 @@ class Together:
                 self.advance(min(PORTION, save_every - self.steps % save_every))
                 if self.steps % save_every == 0 or self.steps == end or asked():
                     checkpoint.save(path, self.content())
-            if asked():
-                raise KeyboardInterrupt
         return [self.member(k) for k in range(len(self.configs))], time.monotonic() - began
 
     def content(self) -> dict:
