@@ -730,7 +730,7 @@ def test_euler_converges_with_order_one_to_an_independent_solution(problem, seco
         (lambda: ElementaryBehaviors(1), "n=1: give at least two"),
         (lambda: Learner(3, coincidence_threshold=1.0), "coincidence_threshold=1.0: .* 0 and 1"),
         (lambda: DNSarsa(3, learner=Learner(4)), r"learner.*n=4 does not fit n=3: build the part"),
-        (lambda: DNSarsa(3, substeps=2, learner=Learner(3)), "dt=.* does not fit: build the part with dt"),
+        (lambda: DNSarsa(3, substeps=2, learner=Learner(3)), "dt=.* does not fit: build"),
         (lambda: DNSarsa(3, substeps=0), "substeps=0"),
         (lambda: DNSarsa(3, integrator="rk4"), "integrator='rk4'.*'euler' or 'heun'"),
     ],

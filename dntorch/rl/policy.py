@@ -11,6 +11,7 @@ from torch import Tensor
 from torch.utils import _pytree as pytree
 from torchrl.data import Composite, Unbounded
 
+from dntorch.cells.hebbian import HebbianState
 from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
 from dntorch.rl.state import holder, leaves_of, pack, unpack
@@ -123,9 +124,9 @@ class AgentPolicy(TensorDictModuleBase):
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         state, steps, seed = self._recall(tensordict)
         first = tensordict.get("is_init").squeeze(-1)
-        if first.any():
-            state = self._begin(first, state)
         reward = tensordict.get("last_reward").squeeze(-1)
+        if first.any():
+            state = self._begin(first, reward, state)
         noise = self._noise(state.decisions, steps, seed)
         observation = tensordict.get(self.observation)
         # Faster, where no gradient is wanted; but TorchRL writes in place to what it carries.
@@ -150,16 +151,23 @@ class AgentPolicy(TensorDictModuleBase):
             return noise
         return noise * exploring[..., None, None].to(noise)
 
-    def _begin(self, first: Tensor, state: AgentState) -> AgentState:
-        """At rest where ``first``; values and the count of decisions go on."""
+    def _begin(self, first: Tensor, reward: Tensor, state: AgentState) -> AgentState:
+        """At rest where ``first``; values and the count of decisions go on.
+
+        Before it rests the learner takes the step that the end of the episode cut off: only
+        the old trace knows what earned the terminal reward.
+        """
+        on = self.agent.behaviors.output(state.behaviors)
+        weights, _ = self.agent.learner.step(*on, reward, state.learner)
 
         def pick(rest: Tensor, running: Tensor) -> Tensor:
             mask = first.reshape(first.shape + (1,) * (running.dim() - first.dim()))
             return torch.where(mask, rest, running)
 
         begun = pytree.tree_map(pick, self.agent.initial(list(first.shape)), state)
+        values = HebbianState(pick(weights, state.learner.values.weights))
         return begun._replace(
-            decisions=state.decisions, learner=begun.learner._replace(values=state.learner.values)
+            decisions=state.decisions, learner=begun.learner._replace(values=values)
         )
 
     # ------------------------------------------------------------- where the state is kept

@@ -17,7 +17,8 @@ class LastReward(Transform):
 
     Collectors hide the reward from the policy, and a reset replaces what the last step of an
     episode brought, its reward included. Here it is stashed, and shown with the first
-    observation of the next episode; 0 at the very first.
+    observation of the next episode, where `AgentPolicy` learns from it before it goes to rest;
+    0 at the very first.
     """
 
     KEY = "last_reward"
