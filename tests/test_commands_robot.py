@@ -15,7 +15,7 @@ from robot_worlds import Turntable
 pytest.importorskip("pybullet")
 
 from dntorch.cli import main
-from dntorch.commands_robot import _enter
+from dntorch.commands.robot import _enter
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.robot import load_agent

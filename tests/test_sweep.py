@@ -17,7 +17,7 @@ import pytest
 import torch
 from click.testing import CliRunner
 
-from dntorch.commands_sweep import sweep as command
+from dntorch.commands.sweep import sweep as command
 from dntorch.experiments import checkpoint, sweep, table
 from dntorch.experiments.config import Config
 from dntorch.experiments.together import Together

@@ -11,8 +11,8 @@ import numpy as np
 import dntorch
 from dntorch.envs.task import SequenceTask
 from dntorch.experiments.checkpoint import write_atomically
-from dntorch.experiments.requests import postponed
 from dntorch.experiments.results import write_json
+from dntorch.experiments.signals import postponed
 from dntorch.experiments.trial import Trial
 
 CHECKPOINT, RESULTS, RECORD = "checkpoint.pt", "results.json", "record.npz"

@@ -14,7 +14,7 @@ from dntorch.envs.task import NOTHING, SequenceTask
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.learn import PORTION
-from dntorch.experiments.requests import postponed
+from dntorch.experiments.signals import postponed
 from dntorch.experiments.trial import Trial
 from dntorch.noise import Exploration
 

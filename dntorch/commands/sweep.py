@@ -1,7 +1,6 @@
 """The command that runs seeds and configurations side by side."""
 
 import os
-import signal
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 import click
 from tqdm import tqdm
 
+from dntorch.commands.common import end_when_asked
 from dntorch.experiments import sweep as sweeps
 from dntorch.experiments import table
 from dntorch.experiments.config import WORLDS, Config
@@ -74,15 +74,15 @@ def sweep(seeds, world, settings, processes, batch, ray, slurm, retries, checkpo
     tasks = sweeps.plan(configs, out.absolute(), batch, checkpoint_every)
     out.mkdir(parents=True, exist_ok=True)
     processes = processes or len(os.sched_getaffinity(0))
+    if slurm and ray:
+        raise ValueError("--slurm and --ray: choose one")
     if slurm:
         running = sweeps.on_slurm(tasks, out)
     elif ray:
         running = sweeps.on_ray(tasks, None if ray == "local" else ray, retries, processes)
     else:
         running = sweeps.in_processes(tasks, processes, retries, tqdm.write)
-    # A polite request to end (kill, a job scheduler) stops it as Ctrl-C does.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
+    end_when_asked()
     rows, failed = _follow(running, len(configs))
     order = {sweeps.name_of(config): k for k, config in enumerate(configs)}
     rows.sort(key=lambda one: order[sweeps.name_of(Config(**one["config"]))])
@@ -118,7 +118,10 @@ def _seeds(text: str) -> list[int]:
         ranges = [range(int(a), int(b or a) + 1) for a, _, b in parts]
     except ValueError:
         raise ValueError(f"--seeds={text!r}: give numbers such as 0-9 or 1,5,7") from None
-    return [seed for numbers in ranges for seed in numbers]
+    seeds = [seed for numbers in ranges for seed in numbers]
+    if not seeds:
+        raise ValueError(f"--seeds={text!r} names none: give the smaller number first")
+    return seeds
 
 
 def _setting(text: str) -> tuple[str, list[Any]]:

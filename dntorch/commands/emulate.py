@@ -1,6 +1,5 @@
 """The command that serves an emulated robot."""
 
-import signal
 import sys
 import time
 from contextlib import closing, suppress
@@ -10,7 +9,8 @@ import click
 from tqdm import tqdm
 
 from dntorch.colors import PAPER
-from dntorch.commands_target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
+from dntorch.commands.common import end_when_asked
+from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
 
 if TYPE_CHECKING:
     from dntorch.robot.emulator import Emulator
@@ -36,9 +36,7 @@ def emulate(host: str, port: int, pty: bool, colors: str, **options: Any) -> Non
 
     As with the real one, nothing stops the motors but a command. Ctrl-C ends it.
     """
-    # A process in the background begins with Ctrl-C ignored.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
+    end_when_asked()
     with closing(_server(host, port, pty)) as server:
         emulator = build_emulator(server, world={"colors": colors}, **options)
         with emulator, suppress(KeyboardInterrupt):

@@ -1,23 +1,13 @@
-"""What the commands do, and their options."""
+"""The command that trains one agent."""
 
-import os
-import signal
 from pathlib import Path
 
 import click
-import torch
 from tqdm import tqdm
 
-import dntorch as library
-from dntorch import (
-    commands_emulate,
-    commands_export,
-    commands_reproduce,
-    commands_robot,
-    commands_sweep,
-)
+from dntorch.commands.common import OF_A_RUN, end_when_asked, new_folder, refuse_options
 from dntorch.experiments import learn as learning
-from dntorch.experiments.config import WORLDS, Config
+from dntorch.experiments.config import WORLDS, Config, build_agent
 from dntorch.experiments.logs import LOGGERS, open_log
 from dntorch.experiments.trial import Trial
 
@@ -25,25 +15,7 @@ from dntorch.experiments.trial import Trial
 DEFAULT_SEED = 1
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(library.__version__)
-def dntorch() -> None:
-    """Neural dynamics that learn behaviour."""
-    # Settings of the process: silent cells must not decay into slow denormal numbers, and
-    # operations on a few nodes are fastest, and always the same, on one thread.
-    torch.set_flush_denormal(True)
-    torch.set_num_threads(1)
-
-
-dntorch.add_command(commands_emulate.emulate)
-dntorch.add_command(commands_export.export)
-dntorch.add_command(commands_export.verify)
-dntorch.add_command(commands_reproduce.reproduce)
-dntorch.add_command(commands_robot.robot)
-dntorch.add_command(commands_sweep.sweep)
-
-
-@dntorch.command()
+@click.command()
 @click.option(
     "--world",
     type=click.Choice(WORLDS),
@@ -127,22 +99,22 @@ def learn(context, out, resume, checkpoint_every, video, log, camera, **options)
     gets results.json, checkpoint.pt, record.npz, figures, a video and report.html.
     """
     if resume:
-        _refuse_options(context)
+        refuse_options(context, {"resume", "checkpoint_every", "video", "log"}, OF_A_RUN)
         trial, folder = Trial.load(resume / learning.CHECKPOINT), resume
     else:
         width, height = _size(camera)
         config = Config(**options, width=width, height=height)
-        folder = _new_folder(out or Path("runs") / f"{config.world}-seed{config.seed}")
+        build_agent(config)  # raises for a value that makes none, before there is a folder
+        folder = out or Path("runs") / f"{config.world}-seed{config.seed}"
+        remedy = f"go on with --resume {folder} or name another"
+        new_folder(folder, [learning.CHECKPOINT], remedy)
         trial = Trial(config)
         trial.save(folder / learning.CHECKPOINT)
     _train(trial, folder, checkpoint_every, video, open_log(log, folder) if log else None)
 
 
 def _train(trial: Trial, folder: Path, checkpoint_every: int, video: bool, log=None) -> None:
-    # A polite request to end (kill, a job scheduler) saves as Ctrl-C does; a run in the
-    # background begins with Ctrl-C ignored.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
+    end_when_asked()
     begun_at, config = trial.step, trial.config
     with tqdm(total=config.steps, initial=begun_at, unit="step", smoothing=0.1) as bar:
 
@@ -184,35 +156,8 @@ def _report(trial: Trial, folder: Path, results: dict, video: bool) -> Path:
     return write_report(folder, results, trial.config)
 
 
-def _refuse_options(context: click.Context) -> None:
-    kept = {"resume", "checkpoint_every", "video", "log"}
-    for name in context.params.keys() - kept:
-        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
-            option = "--" + name.replace("_", "-")
-            raise ValueError(
-                f"{option} cannot be given with --resume, which keeps the options the run began "
-                f"with: leave {option} out"
-            )
-
-
 def _size(camera: str) -> tuple[int, int]:
     width, _, height = camera.partition("x")
     if not (width.isdigit() and height.isdigit()):
         raise ValueError(f"--camera={camera!r} is no image size: give WIDTHxHEIGHT, such as 52x39")
     return int(width), int(height)
-
-
-def _new_folder(folder: Path) -> Path:
-    if (folder / learning.CHECKPOINT).exists():
-        raise ValueError(
-            f"{folder} holds a run already: go on with --resume {folder} or name another --out"
-        )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(
-            f"--out={folder} cannot be made ({error.strerror}): name another"
-        ) from error
-    if not os.access(folder, os.W_OK):
-        raise ValueError(f"--out={folder} cannot be written to: name another folder")
-    return folder

@@ -2,9 +2,9 @@
 
 import json
 import select
-import signal
 import sys
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,8 @@ import click
 from tqdm import tqdm
 
 from dntorch.colors import PAPER, check_colors
-from dntorch.commands_target import Target, open_target, options_of_target
+from dntorch.commands.common import end_when_asked, new_folder
+from dntorch.commands.target import Target, open_target, options_of_target
 from dntorch.experiments.checkpoint import write_atomically
 from dntorch.experiments.config import Config
 from dntorch.experiments.learn import CHECKPOINT
@@ -32,9 +33,7 @@ FASTEST = 6.28
 @click.group()
 def robot() -> None:
     """Drive an e-puck: a real one that is named, or an emulated one."""
-    # A process in the background begins with Ctrl-C ignored.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
+    end_when_asked()
 
 
 # ---------------------------------------------------------------- run
@@ -94,7 +93,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
     with open_target(context, config, **target) as target:
         env = hardware(target.driver, target.clock, config, known, speed_cap, key=pressed)
         with env:
-            folder = _new_folder(out, run)
+            folder = new_folder(out or _numbered(run), [CHECKPOINT, "report.json"])
             env.calibration = known or _look_around(env, config.colors, fov=target.fov)
             agent = fit(trained, config, env.calibration)
             agent.learn(learn)
@@ -161,19 +160,8 @@ def _report(folder: Path, log: "Log", calibration: "Calibration", target: Target
     click.echo(f"report: {folder / 'report.json'}")
 
 
-def _new_folder(out: Path | None, run: Path) -> Path:
-    folder = out or next(
-        run / f"robot-{k}" for k in range(1, 10_000) if not (run / f"robot-{k}").exists()
-    )
-    if (folder / CHECKPOINT).exists() or (folder / "report.json").exists():
-        raise ValueError(f"--out={folder} holds a run already: name another")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(
-            f"--out={folder} cannot be made ({error.strerror}): name another"
-        ) from error
-    return folder
+def _numbered(run: Path) -> Path:
+    return next(run / f"robot-{k}" for k in count(1) if not (run / f"robot-{k}").exists())
 
 
 def _enter() -> bool:

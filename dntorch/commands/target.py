@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from dntorch.commands.common import refuse_options
 from dntorch.envs.task import NOTHING
 from dntorch.experiments.config import Config
 
@@ -85,7 +86,8 @@ def open_target(
         return Driver(transport, DIALECTS[protocol](), clock, reconnect=reconnect)
 
     if connect:
-        _refuse_emulation(context)
+        known = context.params.keys() - {"pacing", "camera", "faults", "seed", "virtual"}
+        refuse_options(context, known, "is of the emulator, but --connect names a robot")
         try:
             transport = transport_for(connect)
         except ValueError as error:
@@ -93,6 +95,8 @@ def open_target(
         try:
             yield Target(driver(transport), clock, fov, None, [])
         except OSError as error:
+            if error.filename:  # a file of ours, not the link
+                raise
             raise ValueError(f"--connect={connect}: {error}: is it on, near, and free?") from error
         return
     seen: list[int] = []
@@ -106,19 +110,10 @@ def open_target(
         emulator = build_emulator(
             server, clock, protocol=protocol, world=task, on_step=see, **emulation
         )
-        with emulator, closing(emulator.world):
+        with closing(emulator.world), emulator:
             transport = server.transport() if virtual else transport_for(server.address)
             fov = CAMERAS[emulation["camera"]].fov(fov)
             yield Target(driver(transport), clock, fov, emulator, seen)
-
-
-def _refuse_emulation(context: click.Context) -> None:
-    for name in ("pacing", "camera", "faults", "seed", "virtual"):
-        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
-            option = "--fault" if name == "faults" else f"--{name}"
-            raise ValueError(
-                f"{option} is of the emulator, a robot was named with --connect: leave {option} out"
-            )
 
 
 def build_emulator(

@@ -1,6 +1,5 @@
 """``dntorch reproduce``: the paper's claims over many runs."""
 
-import signal
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 from tqdm import tqdm
 
+from dntorch.commands.common import OF_A_RUN, end_when_asked, new_folder, refuse_options
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import WORLDS, Config
 
@@ -52,14 +52,16 @@ def reproduce(context, world, runs, seed, explore, steps, processes, out, resume
     paper beside our number, its interval and a verdict.
     """
     if resume:
-        _refuse_options(context)
+        refuse_options(context, {"resume"}, OF_A_RUN)
         folder, saved = resume, checkpoint.load(resume / OPTIONS)
         runs, processes = saved.pop("runs"), saved.pop("processes")
         config = Config(**saved)
     else:
         config = replace(Config(), world=world, seed=seed, explore=explore, steps=steps)
         folder = out or Path("runs") / f"reproduce-{world}-seed{seed}"
-        _begin(folder, config, runs, processes)
+        new_folder(folder, [OPTIONS], f"go on with --resume {folder} or name another")
+        content = vars(config) | {"runs": runs, "processes": processes}
+        checkpoint.save(folder / OPTIONS, content)
     study = _run(config, runs, folder, processes)
     options = {"world": config.world, "runs": runs, "seed": config.seed, "explore": config.explore,
                "steps": config.steps}  # fmt: skip
@@ -70,8 +72,7 @@ def reproduce(context, world, runs, seed, explore, steps, processes, out, resume
 def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
     from dntorch.studies import reproduce as reproducing  # scipy takes its time
 
-    # A polite request to end (kill, a job scheduler) saves as Ctrl-C does.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end_when_asked()
     total = reproducing.steps_to_take(config, runs, processes)
     with tqdm(total=total, unit="step", unit_scale=True) as bar:
         try:
@@ -93,27 +94,3 @@ def _report(study: "Study", folder: Path, command: str) -> None:
     for claim in claims(study):
         click.echo(f"{claim.verdict:16} {claim.form}: {claim.number}")
     click.echo(f"report: {page}")
-
-
-def _begin(folder: Path, config: Config, runs: int, processes: int) -> None:
-    if (folder / OPTIONS).exists():
-        raise ValueError(
-            f"{folder} holds runs already: go on with --resume {folder} or name another --out"
-        )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        content = vars(config) | {"runs": runs, "processes": processes}
-        checkpoint.save(folder / OPTIONS, content)
-    except OSError as error:
-        raise ValueError(
-            f"--out={folder} cannot be made ({error.strerror}): name another"
-        ) from error
-
-
-def _refuse_options(context: click.Context) -> None:
-    for name in context.params.keys() - {"resume"}:
-        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
-            raise ValueError(
-                f"--{name} cannot be given with --resume, which keeps the options the runs began "
-                f"with: leave --{name} out"
-            )

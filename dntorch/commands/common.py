@@ -1,0 +1,43 @@
+"""What several commands do."""
+
+import os
+import signal
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+
+
+def end_when_asked() -> None:
+    """Let Ctrl-C, and a polite request to end (kill, a job scheduler), end a run as Ctrl-C does.
+
+    A run in the background begins with Ctrl-C ignored.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+
+
+def refuse_options(context: click.Context, kept: Iterable[str], why: str) -> None:
+    """Raise if an option was given that is not among the ``kept``; ``why`` names the remedy."""
+    for name in context.params.keys() - set(kept):
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            option = {p.name: p.opts[0] for p in context.command.params}[name]
+            raise ValueError(f"{option} {why}: leave {option} out")
+
+
+OF_A_RUN = "cannot be given with --resume, which keeps the options it began with"
+
+
+def new_folder(folder: Path, marks: Iterable[str], remedy: str = "name another --out") -> Path:
+    """Make a folder for a run; one that holds a file of ``marks`` is another run's."""
+    if any((folder / mark).exists() for mark in marks):
+        raise ValueError(f"--out={folder} holds a run already: {remedy}")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(
+            f"--out={folder} cannot be made ({error.strerror}): name another"
+        ) from error
+    if not os.access(folder, os.W_OK):
+        raise ValueError(f"--out={folder} cannot be written to: name another folder")
+    return folder
