@@ -10,12 +10,13 @@ from torch import Tensor
 from torch.utils import _pytree as pytree
 
 from dntorch.envs.nodes import NodesWorld
-from dntorch.envs.task import NOTHING, SequenceTask
+from dntorch.envs.task import NOTHING
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.learn import PORTION
 from dntorch.experiments.signals import postponed
 from dntorch.experiments.trial import Trial
+from dntorch.experiments.worlds import build_task
 from dntorch.noise import Exploration
 
 #: In what the runs of a batch may differ.
@@ -42,10 +43,7 @@ class Together:
         self.agent = build_agent(first).spread(size)
         seeds = torch.tensor([config.seed for config in configs]).unsqueeze(-1)
         none = torch.zeros(size, dtype=torch.int64)
-        task = SequenceTask(
-            first.sequence, first.colors, first.reward, first.reward_duration, first.dt
-        )
-        self.world = NodesWorld(task, seeds, none)
+        self.world = NodesWorld(build_task(first), seeds, none)
         self.exploration = Exploration(self.agent.n, 0, none, first.noise)
         self.exploration.seed = seeds
         self._individualize()

@@ -85,6 +85,10 @@ class Trial:
             trial.record.restore(content["record"])
             trial.observation, trial.reward = content["observation"], content["reward"]
         except (KeyError, TypeError) as error:
+            if "world" not in content:
+                raise ValueError(
+                    f"{path} holds learned values and no world: use it with export or robot run"
+                ) from error
             raise ValueError(f"{path} is of another version of dntorch: {error}") from error
         return trial
 

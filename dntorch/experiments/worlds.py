@@ -1,6 +1,6 @@
 """The worlds of a run behind one face: tensors in, tensors out, a state that can be saved."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor
@@ -8,6 +8,9 @@ from torch import Tensor
 from dntorch.envs.nodes import NodesState, NodesWorld
 from dntorch.envs.task import SequenceTask, TaskState
 from dntorch.experiments.config import Config
+
+if TYPE_CHECKING:
+    from dntorch.envs.epuck import EPuckEnv
 
 
 class Outcome(NamedTuple):
@@ -31,6 +34,25 @@ class World(Protocol):
     def close(self) -> None: ...
 
 
+def build_task(config: Config, others: tuple[str, ...] = ()) -> SequenceTask:
+    """What a run rewards, ``others`` beside its sequence."""
+    return SequenceTask(
+        config.sequence, config.colors, config.reward, config.reward_duration, config.dt, others
+    )
+
+
+def build_epuck(config: Config, **others: Any) -> "EPuckEnv":
+    """The PyBullet world of a run; ``others`` as in `EPuckEnv`."""
+    from dntorch.envs.epuck import EPuckEnv
+    from dntorch.robot.body import Body  # numpy, gymnasium and pybullet are an extra
+
+    return EPuckEnv(
+        sequence=config.sequence, colors=config.colors, reward=config.reward,
+        reward_duration=config.reward_duration, dt=config.dt,
+        body=Body(width=config.width, height=config.height), **others,
+    )  # fmt: skip
+
+
 def build_world(config: Config) -> World:
     return EPuck(config) if config.world == "epuck" else Nodes(config)
 
@@ -39,10 +61,7 @@ class Nodes:
     """The abstract world."""
 
     def __init__(self, config: Config) -> None:
-        task = SequenceTask(
-            config.sequence, config.colors, config.reward, config.reward_duration, config.dt
-        )
-        self.world = NodesWorld(task, config.seed)
+        self.world = NodesWorld(build_task(config), config.seed)
         self.state = self.world.initial()
 
     def reset(self) -> Tensor:
@@ -68,19 +87,8 @@ class EPuck:
     """The PyBullet world, seen through the camera alone."""
 
     def __init__(self, config: Config, render_mode: str | None = None) -> None:
-        from dntorch.envs.epuck import EPuckEnv
-        from dntorch.robot.body import Body  # numpy, gymnasium and pybullet are an extra
-
         self.seed = config.seed
-        self.env = EPuckEnv(
-            sequence=config.sequence,
-            colors=config.colors,
-            reward=config.reward,
-            reward_duration=config.reward_duration,
-            dt=config.dt,
-            body=Body(width=config.width, height=config.height),
-            render_mode=render_mode,
-        )
+        self.env = build_epuck(config, render_mode=render_mode)
 
     def reset(self) -> Tensor:
         observation, _ = self.env.reset(seed=self.seed)

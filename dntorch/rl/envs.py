@@ -11,8 +11,8 @@ from torchrl.envs import EnvBase, GymWrapper, InitTracker, TransformedEnv
 from torchrl.envs.gym_like import default_info_dict_reader
 
 from dntorch.envs.nodes import NodesWorld
-from dntorch.envs.task import SequenceTask
 from dntorch.experiments.config import Config
+from dntorch.experiments.worlds import build_epuck, build_task
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
 
 
@@ -100,10 +100,8 @@ def nodes(
     config: Config, primer: AgentPrimer | None = None, agents: int | Tensor = 0
 ) -> TransformedEnv:
     """The abstract world of a run, with what `AgentPolicy` needs; ``agents`` by number."""
-    task = SequenceTask(
-        config.sequence, config.colors, config.reward, config.reward_duration, config.dt
-    )
-    return _transformed(NodesEnv(NodesWorld(task, config.seed, agents)), primer)
+    world = NodesWorld(build_task(config), config.seed, agents)
+    return _transformed(NodesEnv(world), primer)
 
 
 def epuck(
@@ -116,19 +114,7 @@ def epuck(
     """
     from gymnasium.wrappers import FilterObservation
 
-    from dntorch.envs.epuck import EPuckEnv
-    from dntorch.robot.body import Body
-
-    env = EPuckEnv(
-        sequence=config.sequence,
-        colors=config.colors,
-        reward=config.reward,
-        reward_duration=config.reward_duration,
-        dt=config.dt,
-        body=Body(width=config.width, height=config.height),
-        layout_seed=config.seed,
-        max_seconds=max_seconds,
-    )
+    env = build_epuck(config, layout_seed=config.seed, max_seconds=max_seconds)
     seen = FilterObservation(env, ["image"])
     return wrap(seen, primer, found=Unbounded((), dtype=torch.int64), completed=_flag())
 

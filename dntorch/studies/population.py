@@ -17,8 +17,9 @@ from torch import Tensor
 from torch.utils._pytree import tree_map
 
 from dntorch.envs.nodes import NodesState, NodesStep
-from dntorch.envs.task import NOTHING, SequenceTask
+from dntorch.envs.task import NOTHING
 from dntorch.experiments import checkpoint
+from dntorch.experiments.worlds import build_task
 from dntorch.modules.sarsa import AgentState
 from dntorch.studies.chance import PORTION, ROWS, Chance, Dice, TabledWorld
 from dntorch.studies.group import Group
@@ -83,10 +84,7 @@ class Population:
         self.n, self.batch = len(self.config.colors), len(group.agents)
         config = self.config
         self.agent = build_variant(config, group.variant).to(dtype)
-        task = SequenceTask(
-            config.sequence, config.colors, config.reward, config.reward_duration, config.dt,
-            group.tasks,
-        )  # fmt: skip
+        task = build_task(config, group.tasks)
         self.world = TabledWorld(task, config.seed, torch.tensor(group.agents))
         self.dice = Dice(group, self.world, dtype)
         self._individualize()
