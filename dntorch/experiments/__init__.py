@@ -1,0 +1,1 @@
+"""Runs of one agent: trained, recorded, resumed, drawn, filmed, swept, driven on a robot."""

@@ -1,51 +1,13 @@
-"""The robot's side of each conversation, as its firmware leads it. It never stops by itself.
+"""The robot's side of the Wi-Fi protocol.
 
 Sources: ``socket_e-puck2.c`` of the e-puck2's ESP32, ``e-puck2_server.c`` of Webots.
 """
 
-from collections.abc import Callable
-from typing import Protocol
-
-import numpy as np
-
 from dntorch.robot.codecs import rgb565, wifi
+from dntorch.robot.firmware.base import Feel, Look, clip
 from dntorch.robot.images import resample
 
 PACINGS = ("firmware", "webots", "request")
-
-Look = Callable[[], np.ndarray | None]
-"""Takes the next image, RGB; ``None`` while the camera has no new one."""
-
-Feel = Callable[[], wifi.Sensors]
-"""Reads the sensors."""
-
-
-class Firmware(Protocol):
-    """One robot's program."""
-
-    speeds: tuple[int, int]
-    """motor steps/s that are in force"""
-    counters: tuple[int, int] | None
-    """what the host wants the step counters to show from now on"""
-    calibrations: int
-    """how often the host asked to calibrate the infra-red sensors"""
-
-    def take(self, data: bytes) -> None:
-        """What the host said."""
-
-    def give(self, look: Look, feel: Feel) -> list[bytes]:
-        """Packets that are sent now."""
-
-    def greet(self) -> None:
-        """A host has come. The last speed stays in force."""
-
-    def farewell(self) -> bool:
-        """The host has gone; whether the robot takes notice and ends the link."""
-
-
-def clip(speeds: tuple[int, int], limit: int) -> tuple[int, int]:
-    left, right = (min(max(speed, -limit), limit) for speed in speeds)
-    return left, right
 
 
 class WifiFirmware:
@@ -116,16 +78,3 @@ class WifiFirmware:
             self.speeds, self._request = (0, 0), None
         # The real one only sees that nothing more can be sent.
         return self.pacing != "firmware" or self._request is None
-
-
-def build_firmware(protocol: str, pacing: str = "firmware") -> Firmware:
-    """The program of a robot: ``wifi``, ``sercom`` or ``sercom2``."""
-    if protocol == "wifi":
-        return WifiFirmware(pacing)
-    if protocol not in ("sercom", "sercom2"):
-        raise ValueError(f"protocol={protocol!r} is unknown: choose wifi, sercom or sercom2")
-    if pacing == "webots":
-        raise ValueError(f"pacing={pacing!r} is of wifi alone: {protocol} answers in turn")
-    from dntorch.robot.firmware_sercom import SercomFirmware  # which builds on this file
-
-    return SercomFirmware(2 if protocol == "sercom2" else 1)

@@ -7,7 +7,7 @@ the e-puck2's main processor.
 import numpy as np
 
 from dntorch.robot.codecs import Stream, rgb565, sercom, sercom2, wifi
-from dntorch.robot.firmware import Feel, Look, clip
+from dntorch.robot.firmware.base import Feel, Look, clip
 from dntorch.robot.images import resample
 
 
