@@ -119,12 +119,16 @@ class Learner(Dynamics):
         output, self.state = self.step(intention, satisfaction, reward, self.state)
         return output
 
+    def active(self, intention: Tensor, satisfaction: Tensor) -> Tensor:
+        """State-action cells: which pair runs, ``(*batch, n, n)``."""
+        return coincidence(intention, satisfaction, self.off_diagonal, self.coincidence_threshold)
+
     def step(
         self, intention: Tensor, satisfaction: Tensor, reward: Tensor, state: LearnerState
     ) -> tuple[Tensor, LearnerState]:
         check_ends("intention", intention, [self.n])
         check_ends("satisfaction", satisfaction, [self.n])
-        active = coincidence(intention, satisfaction, self.off_diagonal, self.coincidence_threshold)
+        active = self.active(intention, satisfaction)
         pulse, trace, weights = state.pulses.pulse, state.trace.u, state.values.weights
         _, pulses = self.pulses.step(active, state.pulses)
         _, memory = self.trace.step(pulse, state.trace)

@@ -154,11 +154,13 @@ class AgentPolicy(TensorDictModuleBase):
     def _begin(self, first: Tensor, reward: Tensor, state: AgentState) -> AgentState:
         """At rest where ``first``; values and the count of decisions go on.
 
-        Before it rests the learner takes the step that the end of the episode cut off: only
-        the old trace knows what earned the terminal reward.
+        Before it rests it learns from the terminal reward: only the old trace knows what
+        earned it.
         """
-        on = self.agent.behaviors.output(state.behaviors)
-        weights, _ = self.agent.learner.step(*on, reward, state.learner)
+        learner, running = self.agent.learner, state.learner
+        active = learner.active(*self.agent.behaviors.output(state.behaviors))
+        none = torch.zeros_like(running.opposition.error)
+        weights, _ = learner.values.step(active, running.trace.u, none, reward, running.values)
 
         def pick(rest: Tensor, running: Tensor) -> Tensor:
             mask = first.reshape(first.shape + (1,) * (running.dim() - first.dim()))

@@ -10,7 +10,6 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from dntorch.cells.coincidence import coincidence
 from dntorch.cells.value import ValueState
 from dntorch.dynamics import Dynamics
 from dntorch.experiments.config import Config, build_agent
@@ -26,7 +25,7 @@ class SingleItem(Learner):
     def step(
         self, intention: Tensor, satisfaction: Tensor, reward: Tensor, state: LearnerState
     ) -> tuple[Tensor, LearnerState]:
-        active = coincidence(intention, satisfaction, self.off_diagonal, self.coincidence_threshold)
+        active = self.active(intention, satisfaction)
         waiting = state.trace.u * (1 - active)
         newest = waiting == waiting.amax((-2, -1), keepdim=True)
         _, values = self.values.step(
