@@ -27,12 +27,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: processes side by
 
 import torch
 
-from dntorch.experiments.checkpoint import write_atomically
 from dntorch.experiments.driving import Act, Log, Onset, acting, perform, why_not
+from dntorch.experiments.learn import CHECKPOINT
 from dntorch.experiments.look_around import calibrate_from, look_around
 from dntorch.experiments.reel import Reel
+from dntorch.experiments.results import write_json
 from dntorch.experiments.robot import emulated, fit, load_agent
 from dntorch.export import export_run
+from dntorch.export.artefacts import checksum
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.camera import CAMERAS
 from dntorch.studies.statistics import wilson
@@ -91,8 +93,7 @@ def drive(run: Path, folder: Path, job: tuple[str, str, int], film: Path | None 
     result = log.summary() | {"camera": camera, "driver": driver, "layout": layout}
     result["seen"] = "".join(config.colors[color] for color in seen)
     result["why_not"] = why_not(log, result["seen"])
-    text = json.dumps(result, indent=1)
-    write_atomically(done, lambda file: file.write(text.encode()))
+    write_json(done, result)
     return result
 
 
@@ -123,6 +124,10 @@ def main() -> None:
     given = parser.parse_args()
     cameras, drivers = given.cameras.split(","), given.drivers.split(",")
     (given.out / "layouts").mkdir(parents=True, exist_ok=True)
+    mine, kept = {"checkpoint": checksum(given.run / CHECKPOINT)}, given.out / "run.json"
+    if kept.exists() and json.loads(kept.read_text()) != mine:
+        sys.exit(f"{given.out} holds layouts of another run than {given.run}: name another --out")
+    write_json(kept, mine)
     for camera in cameras:
         prepare(given.run, camera, given.out, "artefact" in drivers)
     jobs = [(c, d, layout) for layout, c, d in product(range(given.layouts), cameras, drivers)]
@@ -133,8 +138,7 @@ def main() -> None:
             print(*job, one["seconds"], "s", one["found"], one["why_not"] or "ok", flush=True)
     table = [row(results, *cell) for cell in product(cameras, drivers)]
     print(*table, sep="\n")
-    text = json.dumps(table, indent=1)
-    write_atomically(given.out / "table.json", lambda file: file.write(text.encode()))
+    write_json(given.out / "table.json", {"rows": table})
     for driver in [] if given.no_films else {"agent", "learning"} & {*drivers}:
         film = given.out / f"{cameras[-1]}-{driver}.webm"
         drive(given.run, given.out, (cameras[-1], driver, 0), film)

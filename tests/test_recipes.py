@@ -137,8 +137,11 @@ def test_values_learned_in_simulation_drive_a_robot(trained: Path) -> None:
     given = ["--layouts", 1, "--cameras", "mild", "--drivers", "agent", "--processes", 1]
     printed = run("transfer.py", trained, *given, "--no-films", "--out", out)
     assert re.search(r"^mild agent 0 [\d.]+ s [GB]+ ok$", printed, re.MULTILINE), printed
-    (line,) = json.loads((out / "table.json").read_text())
+    (line,) = json.loads((out / "table.json").read_text())["rows"]
     assert line["succeeded"] == [1, 1] and line["failed"] == {} and 0.2 < line["wilson"][0] < 0.21
+    (out / "run.json").write_text('{"checkpoint": "that of another run"}')
+    with pytest.raises(AssertionError, match="layouts of another run"):
+        run("transfer.py", trained, *given, "--no-films", "--out", out)
 
 
 def test_a_robot_beside_its_simulation_does_the_same(trained: Path) -> None:
