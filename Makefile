@@ -1,4 +1,4 @@
-# Python 3.11, git and make are all that is needed.
+# Python 3.11, git and make are all that setup, learn and test need.
 PYTHON ?= python3.11
 OUT ?= runs/learn
 BIN = .venv/bin
@@ -17,10 +17,13 @@ learn: setup
 	@if [ -f $(OUT)/checkpoint.pt ]; then $(BIN)/dntorch learn --resume $(OUT); \
 	else $(BIN)/dntorch learn --out $(OUT); fi
 
-# Builds the C++ runner and lets it replay and drive an export; makes one of OUT if need be.
+# Builds the C++ runner (CMake and a C++ compiler are needed, too) and lets it replay and drive
+# an export; makes one of OUT if need be.
 EXPORT ?= runs/export
-cpp: setup
-	@test -f $(EXPORT)/manifest.json || $(BIN)/dntorch export $(OUT) --to $(EXPORT)
+$(EXPORT)/manifest.json: $(wildcard $(OUT)/checkpoint.pt)
+	$(BIN)/dntorch export $(OUT) --to $(EXPORT)
+
+cpp: setup $(EXPORT)/manifest.json
 	cmake -S examples/cpp -B build/cpp \
 		-DCMAKE_PREFIX_PATH="$$($(BIN)/python -c 'import torch; print(torch.utils.cmake_prefix_path)')"
 	cmake --build build/cpp

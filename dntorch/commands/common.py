@@ -25,6 +25,9 @@ def refuse_options(context: click.Context, kept: Iterable[str], why: str) -> Non
             raise ValueError(f"{option} {why}: leave {option} out")
 
 
+RUNS = ("checkpoint.pt", "options.pt", "results.json")
+"""Files by which a folder is known to hold runs."""
+
 OF_A_RUN = "cannot be given with --resume, which keeps the options it began with"
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from dntorch.commands.common import OF_A_RUN, end_when_asked, new_folder, refuse_options
+from dntorch.commands.common import OF_A_RUN, RUNS, end_when_asked, new_folder, refuse_options
 from dntorch.experiments import learn as learning
 from dntorch.experiments.config import WORLDS, Config, build_agent
 from dntorch.experiments.logs import LOGGERS, open_log
@@ -107,7 +107,7 @@ def learn(context, out, resume, checkpoint_every, video, log, camera, **options)
         build_agent(config)  # raises for a value that makes none, before there is a folder
         folder = out or Path("runs") / f"{config.world}-seed{config.seed}"
         remedy = f"go on with --resume {folder} or name another"
-        new_folder(folder, [learning.CHECKPOINT], remedy)
+        new_folder(folder, RUNS, remedy)
         trial = Trial(config)
         trial.save(folder / learning.CHECKPOINT)
     _train(trial, folder, checkpoint_every, video, open_log(log, folder) if log else None)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 from tqdm import tqdm
 
-from dntorch.commands.common import OF_A_RUN, end_when_asked, new_folder, refuse_options
+from dntorch.commands.common import OF_A_RUN, RUNS, end_when_asked, new_folder, refuse_options
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import WORLDS, Config
 
@@ -59,7 +59,7 @@ def reproduce(context, world, runs, seed, explore, steps, processes, out, resume
     else:
         config = replace(Config(), world=world, seed=seed, explore=explore, steps=steps)
         folder = out or Path("runs") / f"reproduce-{world}-seed{seed}"
-        new_folder(folder, [OPTIONS], f"go on with --resume {folder} or name another")
+        new_folder(folder, RUNS, f"go on with --resume {folder} or name another")
         content = vars(config) | {"runs": runs, "processes": processes}
         checkpoint.save(folder / OPTIONS, content)
     study = _run(config, runs, folder, processes)

@@ -195,8 +195,14 @@ def calibrate(context, images, to, colors, distance, **options) -> None:
     given = {name: options.pop(name) for name in ("mirror", "fov", "axle", "fps")}
     known = {name: value for name, value in given.items() if value}
     known["rotate"] = int(options.pop("rotate"))
+    assumed = ""
     if images:
-        made = _from_files(images, colors, known)
+        from dntorch.robot.emulator import BODIES
+
+        protocol = options["protocol"]
+        usual = {"fov": BODIES[protocol].fov, "fps": 7.0 if protocol == "wifi" else 2.6}
+        made = _from_files(images, colors, usual | known)
+        assumed = f" (what was not given is usual for {protocol}, not measured)"
     else:
         config = Config(colors=colors, sequence=colors)
         with open_target(context, config, **options) as robot:
@@ -212,7 +218,7 @@ def calibrate(context, images, to, colors, distance, **options) -> None:
     click.echo(
         f"gains of red, green, blue: {', '.join(f'{gain:.2f}' for gain in made.gains)}\n"
         f"hues in degrees: {hues}\nfield of view {made.fov:.3f} rad, axle {made.axle:.4f} m, "
-        f"{made.fps:g} images/s\ncalibration: {to}{replaced}"
+        f"{made.fps:g} images/s{assumed}\ncalibration: {to}{replaced}"
     )
 
 

@@ -97,7 +97,8 @@ def open_target(
         except OSError as error:
             if error.filename:  # a file of ours, not the link
                 raise
-            raise ValueError(f"--connect={connect}: {error}: is it on, near, and free?") from error
+            ask = ": is it on, near and free?" if error.errno else ""
+            raise ValueError(f"--connect={connect} --protocol={protocol}: {error}{ask}") from error
         return
     seen: list[int] = []
 

@@ -158,8 +158,8 @@ class HardwareEnv(gymnasium.Env):
         while not self._look():
             if self.clock.now() >= end:
                 raise ConnectionError(
-                    f"no frame from the robot in {self.patience:g} s: is it on, near, and is its "
-                    "selector where the page about hardware says?"
+                    f"no frame from the robot in {self.patience:g} s: is it on, near and free, and "
+                    "are selector and protocol as docs/robot.md says?"
                 )
             self.guard.drive(0.0, 0.0)  # speed 0 also asks for frames
             self.clock.sleep_until(self.clock.now() + self.dt)

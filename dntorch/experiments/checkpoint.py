@@ -11,6 +11,8 @@ import numpy as np
 import torch
 
 FORMAT = 1
+UMASK = os.umask(0o077)
+os.umask(UMASK)
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], None]) -> None:
@@ -20,6 +22,7 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], None]) -> None:
     """
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
     try:
+        os.chmod(temporary, 0o666 & ~UMASK)  # as other files; mkstemp makes private ones
         with os.fdopen(handle, "wb") as file:
             write(file)
             file.flush()

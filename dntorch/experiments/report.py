@@ -31,7 +31,7 @@ FIGURES = {
         "the cumulative reward of runs and of one example run",
     ),
     "td_error.png": (
-        "Temporal difference error",
+        "Value cell: temporal difference error without the reward",
         "The value cell (above) compares the value of the pair that begins with that of the pair "
         "that ends; below, its mean size in each transition. The reward is not in it: the cell "
         "grows with the values, and learning settles where it balances the reward.",

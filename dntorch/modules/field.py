@@ -130,6 +130,11 @@ class DNF(Dynamics):
 
     def step(self, input: Tensor, state: FieldState) -> tuple[Tensor, FieldState]:
         check_ends("input", input, self.shape)
+        if input.dtype != state.u.dtype:
+            raise ValueError(
+                f"input of dtype {input.dtype} does not fit the field's {state.u.dtype}: give "
+                "input.to(field.u), or build the field with dtype=torch.float64"
+            )
         for _ in range(self.substeps):
             ahead = self.euler(input, state)
             if self.integrator == "heun":

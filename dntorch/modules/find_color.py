@@ -166,7 +166,7 @@ class FindColor(Dynamics):
         if image.dtype != torch.uint8 or image.dim() < 3 or image.shape[-1] != 3:
             raise ValueError(
                 f"image of shape {list(image.shape)} and dtype {image.dtype}: give uint8 RGB, "
-                "(*batch, height, width, 3)"
+                "(*batch, height, width, 3), as a tensor"
             )
         share = hue_columns(image, self.hues, self.min_saturation, self.min_value)
         batch = list(share.shape[:-2])

@@ -73,6 +73,8 @@ class Calibration:
 
     @classmethod
     def load(cls, path: str | Path) -> "Calibration":
+        if not Path(path).is_file():
+            raise ValueError(f"calibration={path} is no file: let dntorch robot calibrate make it")
         try:
             values = json.loads(Path(path).read_text(encoding="utf-8"))
             return cls(**{**values, "gains": tuple(values.get("gains", (1.0, 1.0, 1.0)))})

@@ -141,6 +141,8 @@ def yoked_optimal(
     earn to be called optimal.
     """
     n, each, count = len(config.colors), np.arange(len(explored)), int(explored.max())
+    if count == 0:
+        return [0, 0]
     behaviors = np.where(np.arange(count) < explored[:, None], runs.behaviors[:, :count], -1)
     found = (runs.rewarded[:, :count] & (behaviors >= 0)).any(1)
     values, _ = discrete.yoked(learning, behaviors, runs.rewarded[:, :count], n)
