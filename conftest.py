@@ -1,6 +1,8 @@
 """Settings of the test suite."""
 
 import os
+import signal
+from collections.abc import Iterator
 
 # Two processes of tests with two threads each would fight over two cores; before torch loads.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -28,6 +30,20 @@ MAY_SKIP = {
     "tests/test_export_cpp.py": "needs a C++ compiler",
     "tests/test_export_executorch.py": "needs dntorch[executorch], which nothing else does",
 }
+
+
+torch.set_num_threads(1)  # as the command line does
+
+
+@pytest.fixture(autouse=True)
+def process_settings() -> Iterator[None]:
+    """Put back what a test, or a command it calls, sets for its process."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(False)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -34,18 +34,6 @@ WITHOUT_PYBULLET = [
 ]  # fmt: skip
 
 
-@pytest.fixture(autouse=True)
-def process_settings():
-    """Put back what the command line sets for its process."""
-    threads = torch.get_num_threads()
-    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    torch.set_num_threads(threads)
-    torch.set_flush_denormal(False)
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
-
-
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory) -> Path:
     """A run that knows the sequence G-B-G, and what its robot's camera is like."""

@@ -53,14 +53,6 @@ def load_example(path: Path):
 runner, epuck = load_example(RUNNER), load_example(EXAMPLES / "epuck.py")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory) -> Path:
     """A run with the values of one that learned the sequence G-B-Y-R-G."""

@@ -50,14 +50,6 @@ CASES: dict[str, tuple[Callable[[], Dynamics], tuple[Callable, ...]]] = {
 }
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 def test_no_structure_is_forgotten() -> None:
     parts = [
         import_module(found.name) for found in iter_modules(modules.__path__, "dntorch.modules.")

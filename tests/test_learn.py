@@ -45,18 +45,6 @@ def run(*arguments: object, **options) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
 
 
-@pytest.fixture
-def process_settings():
-    """Put back what the command line sets for its process."""
-    threads = torch.get_num_threads()
-    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    torch.set_num_threads(threads)
-    torch.set_flush_denormal(False)
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
-
-
 @pytest.mark.parametrize("world", WORLDS)
 def test_a_resumed_run_goes_on_to_the_same_numbers(world: str, tmp_path: Path) -> None:
     config = Config(world=world, steps=400, explore=300, seed=3)
@@ -136,7 +124,7 @@ def test_a_run_killed_five_times_ends_as_the_uninterrupted_one(tmp_path: Path) -
     assert ours == theirs
 
 
-def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path: Path, process_settings) -> None:
+def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path: Path) -> None:
     out = tmp_path / "run"
     with subprocess.Popen(
         [sys.executable, "-m", "dntorch.cli", "learn", "--world", "nodes", "--out", str(out)],
@@ -191,7 +179,7 @@ def test_results_hold_what_a_reader_needs(tmp_path: Path) -> None:
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
-    arguments, names, tmp_path: Path, monkeypatch, capsys, process_settings
+    arguments, names, tmp_path: Path, monkeypatch, capsys
 ) -> None:
     (tmp_path / "file").touch()
     monkeypatch.chdir(tmp_path)

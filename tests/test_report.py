@@ -194,11 +194,11 @@ def test_a_film_that_cannot_be_written_is_an_error(tmp_path):
 
 
 def test_the_film_shows_white_where_value_is_high():
-    video = pytest.importorskip("dntorch.experiments.video")
+    panels = pytest.importorskip("dntorch.experiments.panels")
     weights = np.zeros((4, 4), np.float32)
     weights[1, 0] = 1  # action 1 in state 0
-    panel = video._matrix(figures.value_image(weights), "RGBY")
-    cell = (video.SIDE - 30) // 4
+    panel = panels._matrix(figures.value_image(weights), "RGBY")
+    cell = (panels.SIDE - 30) // 4
     middle = 30 + cell // 2
     assert panel[middle, middle + cell].tolist() == [255, 255, 255]
     assert panel[middle + cell, middle].tolist() == [0, 0, 0]

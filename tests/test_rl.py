@@ -23,15 +23,6 @@ FORMS = pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tenso
 WORLD = pytest.mark.parametrize("world", WORLDS)
 
 
-@pytest.fixture(autouse=True)
-def _one_thread():
-    """As in the command line: many small operations are fastest, and always the same, so."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 def collector(env: EnvBase, policy: AgentPolicy, frames: int, total: int = -1):
     from torchrl.collectors import Collector
 

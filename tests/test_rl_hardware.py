@@ -15,14 +15,6 @@ from dntorch.robot.calibration import Calibration
 from dntorch.robot.emulator import WIFI_BODY
 
 
-@pytest.fixture(autouse=True)
-def _one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 class Emulated:
     """An e-puck in virtual time, its env, and what truly happens to it."""
 

@@ -18,21 +18,13 @@ import torch
 from click.testing import CliRunner
 
 from dntorch.commands.sweep import sweep as command
-from dntorch.experiments import checkpoint, sweep, table
+from dntorch.experiments import checkpoint, sweep, table, workers
 from dntorch.experiments.config import Config
 from dntorch.experiments.together import Together
 from dntorch.experiments.trial import Trial
 
 RUNS = 20
 SHORT = Config(world="nodes", steps=300, explore=200)
-
-
-@pytest.fixture(autouse=True)
-def _one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def descendants(pid: int) -> list[int]:
@@ -134,7 +126,7 @@ def poison(task: sweep.Task) -> sweep.Table:
 def test_a_run_that_always_dies_is_named_and_the_others_finish(tmp_path: Path) -> None:
     configs = sweep.grid(SHORT, [0, 1, 2], {})
     tasks = sweep.plan(configs, tmp_path)
-    done = list(sweep.in_processes(tasks, 1, retries=1, notice=lambda _: None, unit=poison))
+    done = list(workers.in_processes(tasks, 1, retries=1, notice=lambda _: None, unit=poison))
     errors = {one.task.configs[0].seed: one.error for one in done}
     assert errors == {0: "", 1: "killed 2 times", 2: ""}
 
@@ -236,7 +228,7 @@ def test_one_table_in_three_formats(tmp_path: Path) -> None:
 def test_slurm_jobs_are_the_same_runs(tmp_path: Path) -> None:
     tasks = sweep.plan(sweep.grid(SHORT, [0, 1], {}), tmp_path)
     (tmp_path / "slurm").mkdir()
-    done = list(sweep.on_slurm(tasks, tmp_path, cluster="debug"))
+    done = list(workers.on_slurm(tasks, tmp_path, cluster="debug"))
     assert [one.error for one in done] == ["", ""]
     assert {one.results[0]["seed"] for one in done} == {0, 1}
     gc.collect()

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from dntorch.commands.common import end_when_asked
 from dntorch.experiments import sweep as sweeps
-from dntorch.experiments import table
+from dntorch.experiments import table, workers
 from dntorch.experiments.config import WORLDS, Config
 
 
@@ -77,11 +77,11 @@ def sweep(seeds, world, settings, processes, batch, ray, slurm, retries, checkpo
     if slurm and ray:
         raise ValueError("--slurm and --ray: choose one")
     if slurm:
-        running = sweeps.on_slurm(tasks, out)
+        running = workers.on_slurm(tasks, out)
     elif ray:
-        running = sweeps.on_ray(tasks, None if ray == "local" else ray, retries, processes)
+        running = workers.on_ray(tasks, None if ray == "local" else ray, retries, processes)
     else:
-        running = sweeps.in_processes(tasks, processes, retries, tqdm.write)
+        running = workers.in_processes(tasks, processes, retries, tqdm.write)
     end_when_asked()
     rows, failed = _follow(running, len(configs))
     order = {sweeps.name_of(config): k for k, config in enumerate(configs)}
@@ -92,7 +92,7 @@ def sweep(seeds, world, settings, processes, batch, ray, slurm, retries, checkpo
         raise ValueError(f"{len(failed)} of {len(configs)} runs failed, the first: {failed[0]}")
 
 
-def _follow(running: Iterator[sweeps.Finished], total: int) -> tuple[sweeps.Table, list[str]]:
+def _follow(running: Iterator[workers.Finished], total: int) -> tuple[sweeps.Table, list[str]]:
     rows: sweeps.Table = []
     failed: list[str] = []
     try:

@@ -9,7 +9,8 @@ import numpy as np
 
 from dntorch.experiments.config import Config
 from dntorch.experiments.driving import Log, Step
-from dntorch.experiments.video import Moment, film, stride_of
+from dntorch.experiments.panels import Moment
+from dntorch.experiments.video import film, stride_of
 from dntorch.modules.sarsa import DNSarsa
 
 

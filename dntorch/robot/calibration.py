@@ -94,29 +94,6 @@ def gray_world(images: Sequence[np.ndarray]) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def white_reference(images: Sequence[np.ndarray]) -> tuple[float, float, float]:
-    """Gains that make the middle of the images gray: hold white paper before the camera."""
-    tall, wide = images[0].shape[:2]
-    rows, columns = slice(tall // 3, -(tall // 3)), slice(wide // 3, -(wide // 3))
-    return gray_world([image[rows, columns] for image in images])
-
-
-def measure_hue(images: Sequence[np.ndarray]) -> float:
-    """Hue in degrees of the coloured thing in the middle third of the columns.
-
-    Raises:
-        ValueError: nothing coloured is there.
-    """
-    wide = images[0].shape[1]
-    middle = np.stack([image[:, wide // 3 : -(wide // 3)] for image in images])
-    angle, saturation, value = hue(middle)
-    colored = (saturation >= 90 / 255) & (value >= 40)
-    if colored.mean() < 0.02:
-        raise ValueError("nothing coloured in the middle of the image: put one block before it")
-    mean = np.exp(1j * np.radians(angle[colored])).mean()
-    return float(np.degrees(np.angle(mean)) % 360)
-
-
 def measure_hues(images: Sequence[np.ndarray], colors: str) -> dict[str, float]:
     """Hue in degrees of each colour among things that all have one of ``colors``.
 
