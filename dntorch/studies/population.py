@@ -2,9 +2,6 @@
 
 A step of world and agents is one pure function, compiled where there is a compiler; what
 depends on chance is drawn ahead for a portion of steps.
-
-Events are logged inside the compiled step without a branch: every step writes into the row
-of the *next* event, and only an event moves on to another row.
 """
 
 from collections.abc import Callable
@@ -16,30 +13,14 @@ import torch
 from torch import Tensor
 from torch.utils._pytree import tree_map
 
-from dntorch.envs.nodes import NodesState, NodesStep
-from dntorch.envs.task import NOTHING
+from dntorch.envs.nodes import NodesState
 from dntorch.experiments import checkpoint
 from dntorch.experiments.worlds import build_task
 from dntorch.modules.sarsa import AgentState
-from dntorch.studies.chance import PORTION, ROWS, Chance, Dice, TabledWorld
+from dntorch.studies.chance import PORTION, Chance, Dice, TabledWorld
+from dntorch.studies.events import Events, Log, empty_log, write
 from dntorch.studies.group import Group
 from dntorch.studies.variants import build_variant
-
-
-class Log(NamedTuple):
-    """Rows of a portion and how many of them are events, for onsets of CoS and for finds."""
-
-    onsets: Tensor
-    """number of onsets, ``(batch,)``"""
-    onset: Tensor
-    """step and colour, ``(ROWS, 2, batch)``"""
-    weights: Tensor
-    """``[action, state]``, ``(ROWS, n, n, batch)``"""
-    error: Tensor
-    """integrals of v and |v| since the onset before, ``(ROWS, 2, batch)``"""
-    finds: Tensor
-    find: Tensor
-    """step, colour, number of completed sequences, ``(ROWS, 3, batch)``"""
 
 
 class Running(NamedTuple):
@@ -80,7 +61,6 @@ class Population:
         self, group: Group, dtype: torch.dtype = torch.float32, compiled: bool = True
     ) -> None:
         self.group, self.config, self.dtype = group, group.config, dtype
-        self.rows = torch.tensor(group.rows or group.agents, dtype=torch.int32)
         self.n, self.batch = len(self.config.colors), len(group.agents)
         config = self.config
         self.agent = build_variant(config, group.variant).to(dtype)
@@ -90,7 +70,7 @@ class Population:
         self._individualize()
         self.running = self.initial()
         self.now = 0
-        self.events: dict[str, list[np.ndarray]] = {}
+        self.events = Events(group)
         self.step = self._step
         if compiled:
             self.step = torch.compile(self._step, fullgraph=True, dynamic=False)
@@ -113,15 +93,6 @@ class Population:
 
     def initial(self) -> Running:
         batch, n, zeros = self.batch, self.n, torch.zeros
-        none = zeros(batch, dtype=torch.int64)
-        log = Log(
-            none.clone(),
-            zeros(ROWS, 2, batch, dtype=torch.int32),
-            zeros(ROWS, n, n, batch, dtype=self.dtype),
-            zeros(ROWS, 2, batch, dtype=self.dtype),
-            none.clone(),
-            zeros(ROWS, 3, batch, dtype=torch.int32),
-        )
         rest = self.agent.initial([batch])
         return Running(
             torch.zeros((), dtype=torch.int64),
@@ -131,7 +102,7 @@ class Population:
             tree_map(innermost, self.world.initial()),
             zeros(2, batch, dtype=self.dtype),
             zeros(2, batch, dtype=torch.int64),
-            log,
+            empty_log(batch, n, self.dtype),
         )
 
     # ------------------------------------------------------------------ one step
@@ -150,7 +121,8 @@ class Population:
         risen = (after > 0.5) & (before <= 0.5)
         error = agent.learner.opposition.error
         error = running.error + self.config.dt * torch.stack((error, error.abs()))
-        log = self._log(running, risen, error, outcome, agent, each)
+        weights = agent.learner.values.weights if self.group.keep_weights else None
+        log = write(running.log, running.step, risen, error, outcome, weights)
         trouble = torch.stack(((intention > 0.5).sum(-1) > 1, ~(after > 0.5).any(-1)))
         return Running(
             running.step + 1,
@@ -161,29 +133,6 @@ class Population:
             torch.where(risen.any(-1), 0, error),
             running.trouble + trouble,
             log,
-        )
-
-    def _log(
-        self,
-        running: Running,
-        risen: Tensor,
-        error: Tensor,
-        outcome: NodesStep,
-        agent: AgentState,
-        each: Tensor,
-    ) -> Log:
-        log, step = running.log, running.step.to(torch.int32).expand(self.batch)
-        row = log.onsets.clamp_max(ROWS - 1)
-        color = risen.to(torch.int32).argmax(-1).to(torch.int32)
-        log.onset[row, :, each] = torch.stack((step, color), -1)
-        log.error[row, :, each] = error.movedim(0, -1)
-        if self.group.keep_weights:
-            log.weights[row, :, :, each] = agent.learner.values.weights
-        row = log.finds.clamp_max(ROWS - 1)
-        find = torch.stack((step, outcome.found.to(torch.int32), outcome.completed.to(torch.int32)))
-        log.find[row, :, each] = find.movedim(0, -1)
-        return log._replace(
-            onsets=log.onsets + risen.any(-1), finds=log.finds + (outcome.found != NOTHING)
         )
 
     # ------------------------------------------------------------------ many steps
@@ -212,47 +161,25 @@ class Population:
 
     def _collect(self) -> None:
         """Take the events of a portion out of the log."""
-        log = self.running.log
-        onsets, finds = log.onsets.clamp_max(ROWS), log.finds.clamp_max(ROWS)
-        self._keep("onset", log.onset, onsets)
-        self._keep("error", log.error, onsets)
-        if self.group.keep_weights:
-            self._keep("weights", log.weights, onsets)
-        self._keep("find", log.find, finds)
-        log.onsets.zero_()
-        log.finds.zero_()
+        self.events.collect(self.running.log)
         for name, moment in (("explored", self.config.explore), ("end", self.config.steps)):
             if self.now == moment:
-                weights = self.running.agent.learner.values.weights
-                self.events[f"weights_{name}"] = [weights.contiguous().numpy().copy()]
-
-    def _keep(self, name: str, rows: Tensor, counts: Tensor) -> None:
-        used = torch.arange(ROWS).unsqueeze(-1) < counts  # (ROWS, batch)
-        row, agent = used.nonzero(as_tuple=True)
-        kept = rows.movedim(-1, 1)[row, agent]
-        if name in ("onset", "find"):
-            kept = torch.cat((self.rows[agent].unsqueeze(-1), kept), -1)
-        self.events.setdefault(name, []).append(kept.numpy().copy())
+                self.events.put(f"weights_{name}", self.running.agent.learner.values.weights)
 
     # ------------------------------------------------------------------ files
 
     def results(self) -> dict[str, np.ndarray]:
         """Events in order of agents and steps; see `dntorch.studies.runs.Runs`."""
-        joined = {name: np.concatenate(parts) for name, parts in self.events.items()}
-        for leader, names in (("onset", ("error", "weights", "onset")), ("find", ("find",))):
-            order = np.lexsort((joined[leader][:, 1], joined[leader][:, 0]))
-            joined |= {name: joined[name][order] for name in names if name in joined}
-        return joined | {"trouble": self.running.trouble.numpy().copy()}
+        return self.events.joined() | {"trouble": self.running.trouble.numpy().copy()}
 
     def content(self) -> dict[str, Any]:
         """What a checkpoint holds."""
         flat = torch.utils._pytree.tree_leaves(self.running)
-        events = {name: np.concatenate(parts) for name, parts in self.events.items()}
         return {
             "group": self.group.description(),
             "now": self.now,
             "running": [tensor.contiguous() for tensor in flat],
-            "events": events,
+            "events": self.events.arrays(),
         }
 
     def save(self, path: Path) -> None:
@@ -268,7 +195,7 @@ class Population:
         for own, other in zip(flat, saved):
             own.copy_(other)
         self.now = content["now"]
-        self.events = {name: [array] for name, array in content["events"].items()}
+        self.events.restore(content["events"])
         return self
 
 
