@@ -1,8 +1,6 @@
 """A policy for TorchRL made from the agent; it learns on line in its own forward."""
 
 from contextlib import nullcontext
-from operator import is_
-from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -14,7 +12,7 @@ from torchrl.data import Composite, Unbounded
 from dntorch.cells.hebbian import HebbianState
 from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
-from dntorch.rl.state import holder, leaves_of, pack, unpack
+from dntorch.rl.state import StateBuffers, pack, unpack
 from dntorch.rl.transforms import AgentPrimer
 
 
@@ -80,25 +78,14 @@ class AgentPolicy(TensorDictModuleBase):
         self.agent, self.explore, self.exploration = agent, explore, exploration
         self.observation, self.carried = observation, carried
         self.register_buffer("steps", torch.zeros(batch, dtype=torch.int64), persistent=False)
-        leaves, self.structure = pytree.tree_flatten_with_path(agent.state)
-        self.names = [pytree.keystr(path) for path, _ in leaves]
-        self.names = [name.replace("['", ".").replace("']", "").lstrip(".") for name in self.names]
-        self.holders = [holder(agent, name) for name in self.names]
-        self.view: tuple[list[Tensor], AgentState] | None = None
+        self.buffers = StateBuffers(agent)
         self.in_keys = [observation, "last_reward", "is_init"]
         self.spec = self._spec(batch)
         self.out_keys = list(self.spec.keys())
         if carried:
-            self.in_keys += [(AgentPrimer.KEY, name) for name in [*self.names, "steps", "seed"]]
+            names = [*self.buffers.names, "steps", "seed"]
+            self.in_keys += [(AgentPrimer.KEY, name) for name in names]
             self.out_keys += [("next", key) for key in self.in_keys[3:]]
-
-    def __getstate__(self) -> dict[str, Any]:
-        # PyTorch warns of its own when it unpickles a structure.
-        return self.__dict__ | {"structure": None, "view": None}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        super().__setstate__(state)
-        self.structure = pytree.tree_structure(self.agent.state)
 
     def _spec(self, batch: list[int]) -> Composite:
         state = self.agent.initial(batch)
@@ -177,17 +164,16 @@ class AgentPolicy(TensorDictModuleBase):
     def _recall(self, tensordict: TensorDictBase) -> tuple[AgentState, Tensor, Tensor | None]:
         if not self.carried:
             self._refuse_shared_memory()
-            return self._buffered(), self.steps, None
+            return self.buffers.read(), self.steps, None
         kept = tensordict.get(AgentPrimer.KEY, None)
         content = {} if kept is None else dict(kept.items())
-        missing = [k for k in [*self.names, "steps", "seed"] if k not in content]
+        missing = [k for k in [*self.buffers.names, "steps", "seed"] if k not in content]
         if missing:
             raise KeyError(
                 f"the tensordict lacks {missing[0]!r} under {AgentPrimer.KEY!r}: without its state "
                 "the agent would forget in silence; append policy.primer() to the env's transforms"
             )
-        leaves = [content[name] for name in self.names]
-        return pytree.tree_unflatten(leaves, self.structure), content["steps"], content["seed"]
+        return self.buffers.nested(content), content["steps"], content["seed"]
 
     def _remember(
         self, tensordict: TensorDictBase, state: AgentState, steps: Tensor, seed: Tensor | None
@@ -195,24 +181,11 @@ class AgentPolicy(TensorDictModuleBase):
         if self.carried:
             tensordict.set(("next", AgentPrimer.KEY), self._pack(state, steps, seed))
         else:
-            for buffer, value in zip(self._held(), leaves_of(state)):
-                buffer.copy_(value.detach())
+            self.buffers.write(state)
             self.steps.copy_(steps)
 
-    def _buffered(self) -> AgentState:
-        """The state as it lies in the buffers: a step reads it and writes none, so no copies."""
-        held = self._held()
-        if self.view is None or not all(map(is_, held, self.view[0])):
-            self.view = held, pytree.tree_unflatten(held, self.structure)
-        return self.view[1]
-
-    def _held(self) -> list[Tensor]:
-        """The buffers that hold the agent's state, in the order of its leaves."""
-        return [buffers[name] for buffers, name in self.holders]
-
     def _pack(self, state: AgentState, steps: Tensor, seed: Tensor) -> TensorDict:
-        content = dict(zip(self.names, leaves_of(state)))
-        content |= {"steps": steps, "seed": seed}
+        content = self.buffers.flat(state) | {"steps": steps, "seed": seed}
         return TensorDict(content, batch_size=self.steps.shape)
 
     def _refuse_shared_memory(self) -> None:
@@ -238,8 +211,7 @@ class AgentPolicy(TensorDictModuleBase):
     def adopt(self, batch: TensorDictBase) -> DNSarsa:
         """Give the agent the state after the last step of a ``batch`` that carries it."""
         last = batch[..., -1].get(("next", AgentPrimer.KEY))
-        state = pytree.tree_unflatten([last.get(name) for name in self.names], self.structure)
-        self.agent.state = state
+        self.agent.state = self.buffers.nested(last)
         self.steps.copy_(last.get("steps"))
         return self.agent
 
