@@ -8,7 +8,8 @@ sequence of behaviours from delayed reward in continuous time.
 from importlib.metadata import PackageNotFoundError, version
 
 from dntorch import envs
-from dntorch.cells.kernels import Gauss, Global
+from dntorch.cells.kernels import Gauss, Global, Matrices
+from dntorch.cells.number import Number
 from dntorch.dynamics import Dynamics
 from dntorch.modules.behaviors import ElementaryBehaviors
 from dntorch.modules.field import DNF
@@ -17,8 +18,9 @@ from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.learner import Learner
 from dntorch.modules.node import NodeWTA
 from dntorch.modules.opposition import ValueOpposition
+from dntorch.modules.repertoire import Repertoire
 from dntorch.modules.sarsa import DNSarsa
-from dntorch.modules.sensorimotor import Direct
+from dntorch.modules.sensorimotor import Direct, Sensorimotor
 from dntorch.modules.transient import TPCell
 from dntorch.modules.value import ValueNodes
 from dntorch.modules.working_memory import ItemOrderWM
@@ -42,7 +44,11 @@ __all__ = [
     "HebbianQ",
     "ItemOrderWM",
     "Learner",
+    "Matrices",
     "NodeWTA",
+    "Number",
+    "Repertoire",
+    "Sensorimotor",
     "TPCell",
     "ValueNodes",
     "ValueOpposition",

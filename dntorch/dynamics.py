@@ -6,104 +6,424 @@ function of inputs and state::
     output, state = module.step(input, state)     # pure: differentiable, vmap-able, exportable
     output = module(input)                        # get state, step, set state
 
-The fields of the state (a ``NamedTuple``) bear the names of the attributes that hold it:
-a buffer in a single structure, a sub-module in a composite.
-
 Activation is forgotten by `reset` and is in no checkpoint; *long-term memory* (learned
 values, memory traces) is a persistent buffer that only an explicit call erases.
 """
 
+import copy
+import difflib
+import inspect
+import math
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
 import torch
 from torch import Tensor, nn
 
+from dntorch import declare
+from dntorch.cells.number import Number, span
 
-class Dynamics(nn.Module):
-    """Base of all structures. A subclass provides
+S = TypeVar("S")
 
-    * ``initial(batch)``: the state at rest, for inputs with leading dimensions ``batch``;
-    * ``step(..., state)``: one time step, returning ``(output, state)``;
-    * ``state``: a property whose getter returns clones and whose setter calls `overwrite`;
 
-    and calls ``resize()`` at the end of ``__init__``. ``forward`` below serves structures
-    with one input; others write their own two lines.
+class _Complete(type):
+    """Completes a structure when its constructor, and that of every subclass, has run."""
+
+    if not TYPE_CHECKING:
+
+        def __call__(cls, *args, **kwargs):
+            structure = super().__call__(*args, **kwargs)
+            structure._complete()
+            return structure
+
+
+class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
+    """Base of all structures. A subclass declares its state, and writes what is its own::
+
+        class NodeState(NamedTuple):
+            u: Tensor
+
+        class Node(Dynamics[NodeState]):
+            def __init__(self, tau: Number = 0.1, dt: float = 1 / 32) -> None:
+                super().__init__(dt)
+                self.tau = tau
+
+            def check(self) -> None:
+                check_time_constant("tau", self.tau, self.dt)
+
+            def initial(self, batch: list[int]) -> NodeState:          # at rest
+                return NodeState(self.origin.new_zeros(batch))
+
+            def euler(self, input: Tensor, state: NodeState) -> NodeState:  # dt seconds later
+                return NodeState(state.u.lerp(input, self.dt / self.tau))
+
+            def output(self, state: NodeState) -> Tensor:              # a tensor of its own
+                return state.u.clone()
+
+    A field of the state bears the name of the attribute that holds it: a buffer (``Tensor``)
+    or a part, another structure (the type of its state, or ``dict[str, Tensor]`` for a part of
+    any type). From this follow
+
+    ====================  ==================================================================
+    ``state``             property: a snapshot of clones; setting it copies, in place
+    ``step``, ``forward`` `euler` and ``output``; the same with the state in buffers
+    ``initial``           of a composite whose fields are parts
+    ``reset``             back to rest, in place; long-term memory and counts stay
+    ``forget``            what ``lasting`` names becomes zero: what was learned, what was counted
+    ``halfway``           between two states, for Heun's method
+    ``flat``, ``nested``  the state as tensors by name, such as ``learner.trace.u``, and back
+    ``write``             what setting ``state`` calls
+    ====================  ==================================================================
+
+    unless the subclass writes them itself.
+
+    **Parameters** are the arguments of ``__init__`` that are kept under their own names. Those
+    annotated ``float`` or `Number` must be finite, become floats, and are checked by ``check``
+    whenever they are set; the others stay as they were built, but for those in ``settable``.
+    A `Number` may be a tensor of the batch's shape ``(*batch,)``, one number per agent: it is a
+    buffer (or, if it is one, an ``nn.Parameter``), so it moves with ``.to()``, is part of a
+    snapshot and is split by ``select``. A name that is nearly that of a parameter is refused;
+    all other attributes are free, for tools that hang something on modules.
 
     Attributes:
-        dt: seconds a step.
+        dt: duration of one step, in seconds.
         origin: zeros of the batch's shape; carries batch, dtype and device of the activation.
+        lasting: names of buffers that outlive ``reset``: long-term memory (persistent) and
+            counts over the life of an agent (not persistent).
+        settable: arguments other than numbers that may be set after construction.
+        fixed: numbers that may not.
     """
+
+    lasting: ClassVar[tuple[str, ...]] = ()
+    settable: ClassVar[tuple[str, ...]] = ()
+    fixed: ClassVar[tuple[str, ...]] = ("dt",)
+    _arguments: ClassVar[dict[str, inspect.Parameter]] = {}
+
+    if TYPE_CHECKING:
+        state: S
+
+        def initial(self, batch: list[int]) -> S: ...
+        def write(self, state: S) -> None: ...
+        def flat(self, state: S) -> dict[str, Tensor]: ...
+        def nested(self, flat: dict[str, Tensor]) -> S: ...
+        def halfway(self, start: S, end: S) -> S: ...
+        def reset(self) -> None: ...
+        def forget(self) -> None: ...
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "__init__" in cls.__dict__:
+            _, *own = inspect.signature(cls.__init__).parameters.values()
+            cls._arguments = cls._arguments | {each.name: each for each in own}
+        state = declare.state_type(cls, Dynamics)
+        if state is not None:
+            declare.write_plumbing(cls, state)
+        declare.write_steps(cls)
 
     def __init__(self, dt: float) -> None:
         super().__init__()
-        if not dt > 0:
-            raise ValueError(f"dt={dt} must be positive: give seconds a step, such as dt=1/32")
         self.dt = dt
+        if not self.dt > 0:
+            raise ValueError(f"dt={dt} must be positive: give seconds per step, such as dt=1/32")
         self.register_buffer("origin", torch.zeros(()), persistent=False)
 
-    def forward(self, input: Tensor) -> Tensor:
-        output, self.state = self.step(input, self.state)
-        return output
+    def check(self) -> None:
+        """Raise unless the parameters fit each other; called when one of them was set."""
 
-    @torch.jit.export
-    def reset(self) -> None:
-        """Put the activation back to rest, in place. Long-term memory stays."""
-        self.state = self.initial(list(self.origin.shape))
+    def _complete(self) -> None:
+        """The end of construction: check, and allocate activation for the batch of the numbers."""
+        for name in self._memory():
+            if name not in self.lasting:
+                raise ValueError(
+                    f"{name} is a persistent buffer, long-term memory: name it in "
+                    f"{type(self).__name__}.lasting, or register it with persistent=False"
+                )
+        self.check()
+        self._rank = {name: buffer.dim() for name, buffer in self._memory().items()}
+        self._ready = True
+        shapes = [number.shape for part in self.structures() for number in part._numbers().values()]
+        _refuse_coarse_memory(self, self.origin.dtype)
+        self.resize(*torch.broadcast_shapes(*shapes))
 
     @torch.jit.unused
-    def resize(self, *batch: int) -> "Dynamics":
+    def structures(self) -> "list[Dynamics]":
+        """This structure and all that it is composed of."""
+        return [part for part in self.modules() if isinstance(part, Dynamics)]
+
+    # ------------------------------------------------------------- parameters
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        argument = type(self)._arguments.get(name)
+        ready = self.__dict__.get("_ready", False)
+        if argument is None:
+            if ready and not name.startswith("_"):
+                self._refuse_misspelling(name)
+            super().__setattr__(name, value)
+        elif isinstance(getattr(type(self), name, None), property):
+            super().__setattr__(name, value)
+        elif ready:
+            self._change(argument, value)
+        else:
+            self._place(name, self._number(argument, value))
+
+    def _change(self, argument: inspect.Parameter, value: Any) -> None:
+        """Set a parameter of a finished structure, or leave everything as it was."""
+        name, before = argument.name, getattr(self, argument.name, None)
+        value = self._number(argument, value)
+        part = isinstance(value, nn.Module)
+        open_to_change = _is_number(argument) or part or name in self.settable
+        try:
+            self._place(name, value)
+            self.check()
+            if part or isinstance(value, Tensor):
+                check_batch(self, list(self.origin.shape))
+            if not open_to_change or name in self.fixed:
+                raise ValueError(
+                    f"{name}={value} can't be set: {name} is fixed when a {type(self).__name__} "
+                    "is built; build another one"
+                )
+        except Exception:
+            self._place(name, before)
+            raise
+        if part:
+            self.resize(*self.origin.shape)
+
+    def _place(self, name: str, value: Any) -> None:
+        if name in self.__dict__ or name in self._buffers or name in self._parameters:
+            delattr(self, name)
+        if isinstance(value, Tensor) and not isinstance(value, nn.Parameter):
+            self.register_buffer(name, value, persistent=False)
+        else:
+            super().__setattr__(name, value)
+
+    def _number(self, argument: inspect.Parameter, value: Any) -> Any:
+        """A parameter as it is held; refuses what is no finite number where one belongs."""
+        name = argument.name
+        if not _is_number(argument) or (value is None and argument.default is None):
+            return value
+        what = f"{name}={value if not isinstance(value, Tensor) else value.tolist()}"
+        if isinstance(value, Tensor):
+            if "Number" not in _names_in(argument.annotation):
+                if value.numel() != 1:
+                    raise ValueError(f"{what}: give one number, the same for all agents")
+                value = float(value)
+            elif not value.is_meta and not bool(value.isfinite().all()):
+                raise ValueError(f"{what} is not finite: give numbers")
+            elif isinstance(value, nn.Parameter):
+                return value
+            else:
+                origin = self._buffers.get("origin", torch.zeros(()))
+                return value.to(origin)
+        try:
+            if isinstance(value, (bool, str)):
+                raise TypeError
+            number = float(value)
+        except (TypeError, ValueError):
+            raise TypeError(f"{name}={value!r} is no number: give a float") from None
+        if not math.isfinite(number) and number != argument.default:
+            raise ValueError(f"{name}={value} is not finite: give a number")
+        return number
+
+    def _numbers(self) -> dict[str, Tensor]:
+        """Parameters that are tensors, one number per agent."""
+        held = {**self._buffers, **self._parameters}
+        return {
+            name: held[name]
+            for name, argument in self._arguments.items()
+            if _is_number(argument) and isinstance(held.get(name), Tensor)
+        }
+
+    def _refuse_misspelling(self, name: str) -> None:
+        if hasattr(self, name):
+            return
+        near = difflib.get_close_matches(name.lower(), self._arguments, 1, cutoff=0.86)
+        if near:
+            raise AttributeError(
+                f"{type(self).__name__} has no parameter {name!r}: did you mean {near[0]!r}?"
+            )
+
+    # ------------------------------------------------------------- batch
+
+    @torch.jit.unused
+    def resize(self, *batch: int) -> "Dynamics[S]":
         """Allocate activation at rest for leading dimensions ``batch``; returns the module.
 
-        The only method that changes the shape of a buffer. Long-term memory stays as it is.
+        The only method that changes the shape of activation. Long-term memory stays as it is.
+        Counts go on where ``batch`` extends the batch before, else they begin at 0.
         """
-        state = self.initial(list(batch))  # may refuse: before anything changes
-        self.register_buffer("origin", self.origin.new_zeros(batch), persistent=False)
-        named = state if isinstance(state, dict) else state._asdict()
-        for name, value in named.items():
-            part = getattr(self, name, None)
-            if isinstance(part, Dynamics):
-                part.resize(*batch)
-            else:
-                self.register_buffer(name, value, persistent=False)
+        check_batch(self, list(batch))
+        with torch.inference_mode(False):
+            state = self.initial(list(batch))  # may refuse: before anything changes
+            self.register_buffer("origin", self.origin.new_zeros(batch), persistent=False)
+            if isinstance(state, tuple):
+                for name, value in state._asdict().items():
+                    if isinstance(value, Tensor) and name not in self._memory():
+                        self.register_buffer(name, value, persistent=False)
+        for part in _direct_parts(self):
+            part.resize(*batch)
         return self
 
     @torch.jit.unused
+    def spread(self, *batch: int) -> "Dynamics[S]":
+        """Resize to ``batch``, each member with a copy of the long-term memory, to learn alone."""
+        check_batch(self, list(batch))
+        spread = [(part, name, part._spread(name, batch)) for part, name in _memories(self)]
+        for part, name, memory in spread:
+            part.register_buffer(name, memory)
+        return self.resize(*batch)
+
+    def _spread(self, name: str, batch: tuple[int, ...]) -> Tensor:
+        memory = self._buffers[name]
+        own = list(memory.shape[: memory.dim() - self._rank[name]])
+        if list(batch)[len(batch) - len(own) :] != own:
+            raise ValueError(
+                f"batch={list(batch)} does not fit {name} of batch {own}: call select(k) to keep "
+                "that of one first"
+            )
+        with torch.inference_mode(False):
+            return memory.expand(*batch, *memory.shape[len(own) :]).clone()
+
+    @torch.jit.unused
+    def select(self, index: int) -> "Dynamics[S]":
+        """A new structure without batch, at rest, with what one member of a batch learned.
+
+        Numbers per agent become that agent's, counts go on. Members count from 0 over all
+        dimensions of the batch.
+        """
+        batch = tuple(self.origin.shape)
+        if not batch:
+            raise ValueError(f"index={index}: there is no batch, nothing to select")
+        count = math.prod(batch)
+        if not -count <= index < count:
+            raise ValueError(f"index={index}: give one of 0 to {count - 1}, the batch has {count}")
+
+        def one(tensor: Tensor, rank: int) -> Tensor:
+            own = tensor.shape[tensor.dim() - rank :]
+            return tensor.expand(*batch, *own).reshape(count, *own)[index].clone()
+
+        with torch.inference_mode(False):
+            structure = copy.deepcopy(self)
+            for part in structure.structures():
+                for name in part.lasting:
+                    buffer = part._buffers[name]
+                    rank = part._rank.get(name, buffer.dim() - len(batch))
+                    kept = one(buffer, rank)
+                    part.register_buffer(name, kept, name in part._memory())
+                for name, number in part._numbers().items():
+                    value = one(number.detach(), 0)
+                    learned = isinstance(number, nn.Parameter)
+                    part._place(name, nn.Parameter(value) if learned else float(value))
+            return structure.resize()
+
+    def _memory(self) -> dict[str, Tensor]:
+        """Long-term memory of this structure itself, without its parts."""
+        fading = self._non_persistent_buffers_set
+        return {name: x for name, x in self._buffers.items() if name not in fading}
+
+    # ------------------------------------------------------------- copies
+
+    @torch.jit.unused
     def snapshot(self) -> dict[str, Tensor]:
-        """Copies of all buffers by name: activation and long-term memory, for an exact resume."""
-        return {name: buffer.detach().clone() for name, buffer in self.named_buffers()}
+        """Copies of all buffers and parameters by name, for an exact resume."""
+        return {name: tensor.detach().clone() for name, tensor in self._tensors().items()}
 
     @torch.jit.unused
     def restore(self, snapshot: dict[str, Tensor]) -> None:
         """Go on from a `snapshot` of a structure that was built alike and has the same batch."""
-        buffers = dict(self.named_buffers())
-        for name in buffers.keys() | snapshot.keys():
-            ours, theirs = buffers.get(name), snapshot.get(name)
+        held = self._tensors()
+        for name in held.keys() | snapshot.keys():
+            ours, theirs = held.get(name), snapshot.get(name)
             if ours is None or theirs is None or ours.shape != theirs.shape:
                 raise ValueError(
                     f"the snapshot is of another architecture: {name} is "
                     f"{'missing' if theirs is None else list(theirs.shape)} there and "
                     f"{'missing' if ours is None else list(ours.shape)} here; build the structure "
-                    "with the arguments it was saved with"
+                    "with the arguments and the version of dntorch it was saved with"
                 )
-        for name, buffer in buffers.items():
-            buffer.copy_(snapshot[name])
+        with torch.no_grad():
+            for name, tensor in held.items():
+                tensor.copy_(snapshot[name])
+
+    def _tensors(self) -> dict[str, Tensor]:
+        return dict([*self.named_buffers(), *self.named_parameters()])
+
+    def register_buffer(self, name: str, tensor: Tensor | None, persistent: bool = True) -> None:
+        # One made in inference mode could never be updated outside of it.
+        if tensor is not None and tensor.is_inference():
+            with torch.inference_mode(False):
+                tensor = tensor.clone()
+        super().register_buffer(name, tensor, persistent)
+
+    def _apply(self, fn: Any, recurse: bool = True) -> "Dynamics[S]":
+        with torch.inference_mode(False):
+            _refuse_coarse_memory(self, fn(torch.zeros((), dtype=self.origin.dtype)).dtype)
+            return super()._apply(fn, recurse)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A kernel made of tensors that want gradients is a buffer within their graph.
+        cut = {k: x if x is None else x.detach() for k, x in self._buffers.items()}
+        return self.__dict__ | {"_buffers": cut}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        for name, buffer in list(self._buffers.items()):
+            self.register_buffer(name, buffer, name in self._memory())
 
 
-def overwrite(buffer: Tensor, value: Tensor) -> None:
-    """Write a new state into a buffer, in place, cut off from the graph.
+def _names_in(annotation: Any) -> str:
+    if annotation == Number or annotation == Number | None:
+        return "Number"
+    return annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "")
 
-    In place, since a rebound buffer is lost by ``torch.jit.trace`` and ``torch.export``.
-    """
-    if buffer.shape != value.shape:
+
+def _is_number(argument: inspect.Parameter) -> bool:
+    known = (float, float | None, Number, Number | None)
+    return argument.annotation in known
+
+
+def _direct_parts(module: nn.Module) -> list[Dynamics]:
+    """Structures below a module that are in no other structure below it."""
+    parts = []
+    for child in module.children():
+        parts += [child] if isinstance(child, Dynamics) else _direct_parts(child)
+    return parts
+
+
+def _memories(structure: Dynamics) -> list[tuple[Dynamics, str]]:
+    return [(part, name) for part in structure.structures() for name in part._memory()]
+
+
+def _refuse_coarse_memory(structure: Dynamics, dtype: torch.dtype) -> None:
+    if dtype in (torch.float16, torch.bfloat16) and _memories(structure):
+        _, name = _memories(structure)[0]
         raise ValueError(
-            f"state of shape {list(value.shape)} does not fit the buffer of shape "
-            f"{list(buffer.shape)}: call resize(*batch) with the batch of the inputs first"
+            f"dtype={dtype} is too coarse for {name}: learned values would stand still, since "
+            "what a step adds is rounded away; keep float32 or float64"
         )
-    buffer.copy_(value.detach())
+
+
+def extended(memory: Tensor, rank: int, batch: list[int]) -> Tensor:
+    """Long-term memory with ``rank`` dimensions of its own for each member of ``batch``."""
+    own = list(memory.shape[: memory.dim() - rank])
+    if batch[len(batch) - len(own) :] != own:
+        raise ValueError(
+            f"batch={batch} does not fit weights of batch {own}: call select(k) to keep those "
+            "of one first"
+        )
+    return memory.expand(batch + list(memory.shape[memory.dim() - rank :])).clone()
+
+
+def counted(count: Tensor, batch: list[int]) -> Tensor:
+    """Counts go on for each member of ``batch``, or begin at 0 if these are other agents."""
+    own = list(count.shape)
+    if batch[len(batch) - len(own) :] != own:
+        return torch.zeros(batch, dtype=count.dtype, device=count.device)
+    return count.expand(batch).clone()
 
 
 def check_parts(whole: Dynamics, n: int, dt: float) -> None:
-    """Raise unless all parts of a composite are for ``n`` behaviours and step by ``dt``."""
-    for name, part in whole.named_modules():
-        if part is whole or not isinstance(part, Dynamics):
+    """Raise unless the parts of a composite are for ``n`` behaviours and step by ``dt``."""
+    for name, part in whole.named_children():
+        if not isinstance(part, Dynamics):
             continue
         if abs(part.dt - dt) > 1e-9 * dt:
             raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
@@ -111,8 +431,24 @@ def check_parts(whole: Dynamics, n: int, dt: float) -> None:
             raise ValueError(f"{name}.n={part.n} does not fit n={n}: build the part with n={n}")
 
 
+def check_batch(structure: Dynamics, batch: list[int]) -> None:
+    """Raise unless numbers per agent, here and in all parts, are for ``batch``."""
+    for path, part in structure.named_modules():
+        if not isinstance(part, Dynamics):
+            continue
+        for name, number in part._numbers().items():
+            where, shape = ".".join(filter(None, (path, name))), list(number.shape)
+            if shape and shape != batch:
+                raise ValueError(
+                    f"{where} of shape {shape} does not fit the batch {batch}: give one number, or "
+                    "one for each agent; call resize(*batch) or spread(*batch) before"
+                )
+
+
 def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
     """Raise unless the last dimensions of an input are ``end``; it would broadcast in silence."""
+    if not isinstance(tensor, Tensor):
+        refuse_input(name, tensor)
     given = list(tensor.shape)
     if given[max(len(given) - len(end), 0) :] != end:
         raise ValueError(
@@ -121,12 +457,33 @@ def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
         )
 
 
-def check_time_constant(name: str, tau: float, dt: float) -> None:
+@torch.jit.ignore
+def refuse_input(name: str, value: Tensor) -> None:
+    raise TypeError(
+        f"{name} is a {type(value).__name__}: give a tensor, such as torch.as_tensor({name})"
+    )
+
+
+def check_time_constant(name: str, tau: Number, dt: float) -> None:
     """Raise unless an explicit step of ``dt`` can follow a decay with time constant ``tau``."""
-    if not tau > 0:
-        raise ValueError(f"{name}={tau} must be positive: give seconds")
-    if dt > tau:
+    shortest, _ = span(tau)
+    check_positive(name, tau, "give seconds")
+    if dt > shortest:
         raise ValueError(
-            f"dt={dt} is longer than {name}={tau}: an explicit step would overshoot; "
+            f"dt={dt} is longer than {name}={shortest}: an explicit step would overshoot; "
             "take a smaller dt, or sub-steps"
         )
+
+
+def check_positive(name: str, number: Number, remedy: str = "give a number above 0") -> None:
+    """Raise unless a number, or each of many, is above zero."""
+    low, _ = span(number)
+    if not low > 0:
+        raise ValueError(f"{name}={low} must be positive: {remedy}")
+
+
+def check_negative(name: str, number: Number, why: str) -> None:
+    """Raise unless a number, or each of many, is below zero."""
+    _, high = span(number)
+    if not high < 0:
+        raise ValueError(f"{name}={high} must be negative: {why}")

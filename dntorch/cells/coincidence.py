@@ -6,10 +6,12 @@ r"""State-action cells: which behaviour runs after which was completed.
 from torch import Tensor
 
 from dntorch.cells.functions import heaviside
+from dntorch.cells.number import Number, either
 
 
+@either
 def coincidence(
-    intention: Tensor, satisfaction: Tensor, off_diagonal: Tensor, threshold: float
+    intention: Tensor, satisfaction: Tensor, off_diagonal: Tensor, threshold: Number
 ) -> Tensor:
     """Pairs ``[action, state]`` that are active, zeros and ones, ``(*batch, n, n)``.
 

@@ -14,6 +14,7 @@ from torch import Tensor
 from torch.nn.functional import linear
 
 from dntorch.cells.functions import sigmoid
+from dntorch.cells.number import Number, either
 
 
 class FieldState(NamedTuple):
@@ -31,7 +32,8 @@ def separable(output: Tensor, kernels: list[Tensor], term: int) -> Tensor:
     return output
 
 
-def lateral(output: Tensor, kernels: list[Tensor], everywhere: float) -> Tensor:
+@either
+def lateral(output: Tensor, kernels: list[Tensor], everywhere: Number) -> Tensor:
     r"""Lateral interaction :math:`\sum_{x'} \omega(x, x') f(u(x'))` of ``(*batch, *shape)``."""
     axes = len(kernels)
     if axes == 0:
@@ -39,17 +41,19 @@ def lateral(output: Tensor, kernels: list[Tensor], everywhere: float) -> Tensor:
     total = separable(output, kernels, 0)
     for term in range(1, kernels[0].shape[0]):
         total = total + separable(output, kernels, term)
-    if everywhere != 0:
-        total = total + everywhere * output.sum(list(range(-axes, 0)), keepdim=True)
-    return total
+    if isinstance(everywhere, float):
+        if everywhere == 0.0:
+            return total
+    return total + everywhere * output.sum(list(range(-axes, 0)), keepdim=True)
 
 
+@either
 def field_target(
     input: Tensor,
     state: FieldState,
     kernels: list[Tensor],
-    everywhere: float,
-    h: float,
+    everywhere: Number,
+    h: Number,
     kind: str,
     steepness: float,
     threshold: float,
@@ -59,13 +63,14 @@ def field_target(
     return lateral(output, kernels, everywhere) + input + h
 
 
+@either
 def field_rate(
     input: Tensor,
     state: FieldState,
     kernels: list[Tensor],
-    everywhere: float,
-    tau: float,
-    h: float,
+    everywhere: Number,
+    tau: Number,
+    h: Number,
     kind: str,
     steepness: float,
     threshold: float,
@@ -75,13 +80,14 @@ def field_rate(
     return FieldState((target - state.u) / tau)
 
 
+@either
 def field_step(
     input: Tensor,
     state: FieldState,
     kernels: list[Tensor],
-    everywhere: float,
-    tau: float,
-    h: float,
+    everywhere: Number,
+    tau: Number,
+    h: Number,
     kind: str,
     steepness: float,
     threshold: float,

@@ -7,6 +7,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softsign
 
+from dntorch.cells.number import Number, either
+
 
 def abs_sigmoid(u: Tensor, steepness: float, threshold: float) -> Tensor:
     r"""Sigmoid without exponential, eq. (4) of the paper, and "AbsSigmoid" of field software.
@@ -28,7 +30,8 @@ def logistic(u: Tensor, steepness: float, threshold: float) -> Tensor:
     return torch.sigmoid(steepness * (u - threshold))
 
 
-def heaviside(u: Tensor, threshold: float) -> Tensor:
+@either
+def heaviside(u: Tensor, threshold: Number) -> Tensor:
     """One above the threshold, zero at and below it, in the dtype of ``u``."""
     return (u > threshold).to(u.dtype)
 
@@ -47,3 +50,21 @@ def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
     if kind == "heaviside":
         return heaviside(u, threshold)
     raise ValueError(f"kind='{kind}' is no sigmoid: choose 'abs', 'logistic' or 'heaviside'")
+
+
+def finite(x: Tensor) -> Tensor:
+    """``x`` with 0 in place of NaN and infinity; whole numbers as they are."""
+    return torch.where(torch.isfinite(x), x, 0) if x.is_floating_point() else x
+
+
+def tainted(x: Tensor, batch: list[int]) -> Tensor:
+    """For each member of ``batch`` 0 if its numbers are finite, else NaN; one for all: ``()``."""
+    zero, dims = 0 * x.detach(), len(batch)
+    if list(zero.shape[:dims]) != batch:
+        return zero.sum()
+    return zero.flatten(dims).sum(-1) if zero.dim() > dims else zero
+
+
+def came_on(before: Tensor, after: Tensor) -> Tensor:
+    """Where a node came on: its firing rate was at most 1/2 and is above it now."""
+    return (after > 0.5) & (before <= 0.5)

@@ -31,7 +31,7 @@ def turning_rate(
     return attraction / (softness + output.sum(-1))
 
 
-def wheel_speeds(turning: Tensor, wheel_radius: float, axle: float, limit: float) -> Tensor:
+def wheel_speeds(turning: Tensor, wheel_radius: float, axle: float) -> Tensor:
     """Speeds in rad/s, left first, that turn a two-wheeled robot on the spot, ``(*batch, 2)``."""
-    right = (turning * (axle / 2 / wheel_radius)).clamp(-limit, limit)
+    right = turning * (axle / 2 / wheel_radius)
     return torch.stack((-right, right), -1)

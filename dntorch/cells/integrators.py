@@ -22,7 +22,12 @@ from torch import Tensor
 
 
 def halfway(start: Tensor, end: Tensor) -> Tensor:
-    """Mean of two states: with ``end`` two Euler steps after ``start``, one step of Heun."""
+    """Mean of two states: with ``end`` two Euler steps after ``start``, one step of Heun.
+
+    Counts have no middle: they stay as they were at the start.
+    """
+    if not start.is_floating_point():
+        return start
     return start.lerp(end, 0.5)
 
 

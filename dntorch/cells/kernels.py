@@ -4,25 +4,28 @@ r"""Kernels of lateral interaction: a sum of terms, each a product of one matrix
 
 A kernel is a sequence of terms, in any order: `Gauss` (two of them make a difference of
 Gaussians), `Global`, and `Matrices` for all that is neither. Amplitudes are signed: negative
-ones inhibit. Distances are in sites, positions start at 0.
+ones inhibit. Distances are in sites, positions start at 0. Numbers may be tensors that want
+gradients: the matrices are differentiable in them.
 """
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
+
+from dntorch.cells.number import Number
 
 
 class Gauss(NamedTuple):
     """A Gaussian that falls with the distance between two sites."""
 
-    amplitude: float
+    amplitude: Number
     """Sum over all taps if ``normalized``, else height of the middle."""
-    sigma: float | tuple[float, ...]
+    sigma: Number | tuple[Number, ...]
     """Standard deviation in sites, one for all axes or one an axis."""
-    shift: float | tuple[float, ...] = 0.0
+    shift: Number | tuple[Number, ...] = 0.0
     """Sites by which the effect lies to the right of its cause; moves peaks."""
     cutoff: float = 5.0
     """Half width in sigmas. (cedar's "limit" is the whole width.)"""
@@ -33,7 +36,7 @@ class Gauss(NamedTuple):
 class Global(NamedTuple):
     """The same effect of every site on every site: a sum over the field."""
 
-    amplitude: float
+    amplitude: Number
 
 
 class Matrices(NamedTuple):
@@ -50,9 +53,9 @@ SELECTIVE: Kernel = (Gauss(20.0, 3.0), Global(-1.0))
 
 def gauss_matrix(
     n: int,
-    sigma: float,
+    sigma: Number,
     border: str = "circular",
-    shift: float = 0.0,
+    shift: Number = 0.0,
     cutoff: float = 5.0,
     normalized: bool = True,
 ) -> Tensor:
@@ -62,59 +65,117 @@ def gauss_matrix(
               \quad\text{where}\quad |x - x' - s| \le \lceil \text{cutoff} \cdot \sigma \rceil
 
     With a ``circular`` border the distance is the shortest one around the ring; with a
-    ``zero`` border the kernel keeps its form and reaches over the edge, where nothing is.
+    ``zero`` border the kernel keeps its form, wherever it is shifted, and reaches over the
+    edge, where nothing is. Differentiable in ``sigma`` and ``shift``.
     """
     if border not in ("circular", "zero"):
         raise ValueError(f"border={border!r} is unknown: choose 'circular' or 'zero'")
-    if not (sigma > 0 and cutoff > 0):
+    if not (float(sigma) > 0 and cutoff > 0):
         raise ValueError(f"sigma={sigma} and cutoff={cutoff} must be positive")
-    circular = border == "circular"
-    distance = torch.arange(1 - n, n, dtype=torch.float64) - shift
-    if circular:
-        distance = (distance + n / 2) % n - n / 2
-    taps = torch.exp(-0.5 * (distance / sigma) ** 2)
-    taps = taps * (distance.abs() <= math.ceil(cutoff * sigma))
+    sites, reach = torch.arange(1 - n, n, dtype=torch.float64), math.ceil(cutoff * float(sigma))
+
+    def bell(distance: Tensor) -> Tensor:
+        return torch.exp(-0.5 * (distance / sigma) ** 2) * (distance.abs() <= reach)
+
+    if border == "circular":
+        taps = bell((sites - shift + n / 2) % n - n / 2)
+        total = taps[:n].sum()
+    else:
+        taps = bell(sites - shift)
+        total = bell(sites - (shift - round(float(shift)))).sum()  # in the field or beyond it
+    if not bool(taps.any()):
+        raise ValueError(
+            f"sigma={float(sigma):g} and shift={float(shift):g} leave no effect on a field of {n} "
+            "sites: take a larger sigma, or a shift within the field"
+        )
     if normalized:
-        taps = taps / (taps[:n] if circular else taps).sum()
+        taps = taps / total
     return taps.unfold(0, n, 1).flip(-1)
 
 
 def assemble(
     kernel: Kernel, shape: list[int], border: str | Sequence[str]
-) -> tuple[list[Tensor], float]:
+) -> tuple[list[Tensor], Number]:
     """Matrices of a kernel on a field of ``shape``: for each axis a stack ``(terms, n, n)``
     in float64, and the amplitude of the global term.
 
     On one axis all terms, the global one too, are added to a single matrix; on none a
     Gaussian is a plain factor, as the global term is.
+
+    Raises:
+        ValueError: a term that is none or has no effect; the sentence shows it.
     """
     axes = len(shape)
     borders = per_axis("border", border, axes)
     total, terms = 0.0, []
-    if isinstance(kernel, Gauss | Global | Matrices):  # a tuple itself, but of numbers
-        kernel = (kernel,)
-    for term in kernel:
-        if isinstance(term, Global) or (isinstance(term, Gauss) and axes == 0):
-            total += term.amplitude
-            continue
-        if isinstance(term, Gauss):
-            sigma, shift = per_axis("sigma", term.sigma, axes), per_axis("shift", term.shift, axes)
-            matrices = [
-                gauss_matrix(n, *rest, term.cutoff, term.normalized)
-                for n, *rest in zip(shape, sigma, borders, shift, strict=True)
-            ]
-            matrices[0] = term.amplitude * matrices[0]
-        else:
-            matrices = [matrix.detach().double() for matrix in term.matrices]
-            if [list(matrix.shape) for matrix in matrices] != [[n, n] for n in shape]:
-                sizes = [list(matrix.shape) for matrix in matrices]
-                raise ValueError(f"matrices of {sizes} do not fit {shape=}: give (n, n) an axis")
-        terms.append(matrices)
+    for term in as_terms(kernel):
+        try:
+            _check_finite(term)
+            if isinstance(term, Global) or (isinstance(term, Gauss) and axes == 0):
+                total = total + term.amplitude
+            elif isinstance(term, Gauss):
+                terms.append(_gauss_matrices(term, shape, borders))
+            else:
+                terms.append(_given_matrices(term, shape))
+        except ValueError as error:
+            raise ValueError(f"{_shown(term)}: {error}") from error
     terms = terms or [[torch.zeros(n, n, dtype=torch.float64) for n in shape]]
     stacks = [torch.stack(matrices) for matrices in zip(*terms, strict=True)]
     if axes == 1:
         return [stacks[0].sum(0, keepdim=True) + total], 0.0
     return stacks, total
+
+
+def as_terms(kernel: Any) -> tuple[Gauss | Global | Matrices, ...]:
+    """A kernel as a tuple of terms."""
+    if isinstance(kernel, Gauss | Global | Matrices):  # a tuple itself, but of numbers
+        return (kernel,)
+    terms = tuple(kernel) if isinstance(kernel, Sequence) and not isinstance(kernel, str) else None
+    if terms is None or not all(isinstance(term, Gauss | Global | Matrices) for term in terms):
+        raise ValueError(
+            f"kernel={kernel!r} is no kernel: give terms, such as (Gauss(20.0, 3.0), Global(-1.0))"
+        )
+    return terms
+
+
+def _gauss_matrices(term: Gauss, shape: list[int], borders: tuple) -> list[Tensor]:
+    sigma = per_axis("sigma", term.sigma, len(shape))
+    shift = per_axis("shift", term.shift, len(shape))
+    matrices = [
+        gauss_matrix(n, *rest, term.cutoff, term.normalized)
+        for n, *rest in zip(shape, sigma, borders, shift, strict=True)
+    ]
+    return [term.amplitude * matrices[0], *matrices[1:]]
+
+
+def _given_matrices(term: Matrices, shape: list[int]) -> list[Tensor]:
+    matrices = [matrix.double() for matrix in term.matrices]
+    sizes = [list(matrix.shape) for matrix in matrices]
+    if sizes != [[n, n] for n in shape]:
+        raise ValueError(f"matrices of {sizes} do not fit {shape=}: give (n, n) an axis")
+    return matrices
+
+
+def _check_finite(term: Gauss | Global | Matrices) -> None:
+    for name, value in term._asdict().items():
+        for each in value if isinstance(value, (tuple, list)) else (value,):
+            try:
+                number = torch.as_tensor(each, dtype=torch.float64)
+            except (TypeError, ValueError, RuntimeError):
+                raise ValueError(f"{name} is no number: give floats") from None
+            if not bool(number.isfinite().all()):
+                raise ValueError(f"{name} is not finite: give numbers")
+
+
+def _shown(term: Gauss | Global | Matrices) -> str:
+    """A term for people, numbers as numbers."""
+    if isinstance(term, Matrices):
+        return "Matrices"
+    numbers = {
+        name: value.item() if isinstance(value, Tensor) and value.numel() == 1 else value
+        for name, value in term._asdict().items()
+    }
+    return f"{type(term).__name__}({', '.join(f'{k}={v}' for k, v in numbers.items())})"
 
 
 def per_axis(name: str, value, axes: int) -> tuple:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import abs_sigmoid
+from dntorch.cells.number import Number, either
 
 
 class NodeState(NamedTuple):
@@ -15,13 +16,14 @@ class NodeState(NamedTuple):
     """Activation, ``(*batch, n)``."""
 
 
+@either
 def node_rate(
     input: Tensor,
     state: NodeState,
-    tau: float,
-    h: float,
-    excitation: float,
-    inhibition: float,
+    tau: Number,
+    h: Number,
+    excitation: Number,
+    inhibition: Number,
     steepness: float,
     threshold: float,
 ) -> NodeState:
@@ -31,13 +33,14 @@ def node_rate(
     return NodeState((-state.u + h + excitation * output - inhibition * others + input) / tau)
 
 
+@either
 def node_step(
     input: Tensor,
     state: NodeState,
-    tau: float,
-    h: float,
-    excitation: float,
-    inhibition: float,
+    tau: Number,
+    h: Number,
+    excitation: Number,
+    inhibition: Number,
     steepness: float,
     threshold: float,
     dt: float,

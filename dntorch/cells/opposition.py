@@ -11,6 +11,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import heaviside
+from dntorch.cells.number import Number, either
 
 
 class OppositionState(NamedTuple):
@@ -20,16 +21,17 @@ class OppositionState(NamedTuple):
     """Value cell v, the temporal-difference error without reward, ``(*batch,)``."""
 
 
+@either
 def opposition_rate(
     pulse: Tensor,
     trace: Tensor,
     weights: Tensor,
     state: OppositionState,
-    discount: float,
-    tau: float,
-    tau_error: float,
-    pulse_threshold: float,
-    trace_threshold: float,
+    discount: Number,
+    tau: Number,
+    tau_error: Number,
+    pulse_threshold: Number,
+    trace_threshold: Number,
 ) -> OppositionState:
     """Right-hand side, per second."""
     onset = heaviside(pulse, pulse_threshold)
@@ -42,16 +44,17 @@ def opposition_rate(
     )
 
 
+@either
 def opposition_step(
     pulse: Tensor,
     trace: Tensor,
     weights: Tensor,
     state: OppositionState,
-    discount: float,
-    tau: float,
-    tau_error: float,
-    pulse_threshold: float,
-    trace_threshold: float,
+    discount: Number,
+    tau: Number,
+    tau_error: Number,
+    pulse_threshold: Number,
+    trace_threshold: Number,
     dt: float,
 ) -> OppositionState:
     """One Euler step of ``dt`` seconds."""

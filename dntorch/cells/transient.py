@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from torch import Tensor
 
+from dntorch.cells.number import Number, either
+
 
 class TransientState(NamedTuple):
     pulse: Tensor
@@ -16,7 +18,8 @@ class TransientState(NamedTuple):
     """Inhibitory cell TP-, which follows the input."""
 
 
-def transient_rate(input: Tensor, state: TransientState, tau: float) -> TransientState:
+@either
+def transient_rate(input: Tensor, state: TransientState, tau: Number) -> TransientState:
     """Right-hand side, per second."""
     return TransientState(
         (input - state.pulse - state.inhibitory) / tau,
@@ -24,7 +27,8 @@ def transient_rate(input: Tensor, state: TransientState, tau: float) -> Transien
     )
 
 
-def transient_step(input: Tensor, state: TransientState, tau: float, dt: float) -> TransientState:
+@either
+def transient_step(input: Tensor, state: TransientState, tau: Number, dt: float) -> TransientState:
     """One Euler step of ``dt`` seconds."""
     rate = transient_rate(input, state, tau)
     return TransientState(

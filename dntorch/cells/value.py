@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.functions import heaviside
+from dntorch.cells.number import Number, either
 
 
 class ValueState(NamedTuple):
@@ -30,19 +31,21 @@ def normalized_values(satisfaction: Tensor, weights: Tensor, baseline: Tensor) -
     return total / total.sum(-1, keepdim=True)
 
 
+@either
 def value_rate(
-    satisfaction: Tensor, weights: Tensor, state: ValueState, baseline: Tensor, tau: float
+    satisfaction: Tensor, weights: Tensor, state: ValueState, baseline: Tensor, tau: Number
 ) -> ValueState:
     """Right-hand side, per second."""
     return ValueState((normalized_values(satisfaction, weights, baseline) - state.value) / tau)
 
 
+@either
 def value_step(
     satisfaction: Tensor,
     weights: Tensor,
     state: ValueState,
     baseline: Tensor,
-    tau: float,
+    tau: Number,
     dt: float,
 ) -> ValueState:
     """One Euler step of ``dt`` seconds."""

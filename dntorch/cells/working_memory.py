@@ -12,6 +12,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import rectified
+from dntorch.cells.number import Number, either
 
 
 class WorkingMemoryState(NamedTuple):
@@ -19,30 +20,37 @@ class WorkingMemoryState(NamedTuple):
     """Activity between 0 and 1, ``(*batch, n, n)``."""
 
 
+@either
 def working_memory_rate(
     pulse: Tensor,
     state: WorkingMemoryState,
-    tau: float,
-    excitation: float,
-    feedback: float,
+    tau: Number,
+    excitation: Number,
+    feedback: Number,
     threshold: float,
 ) -> WorkingMemoryState:
     """Right-hand side, per second. The last two dimensions are one field of cells."""
-    u = state.u
-    drive = excitation * rectified(pulse, threshold) + feedback * u
+    drive = excitation * rectified(pulse, threshold) + feedback * state.u
     total = drive.sum((-2, -1), keepdim=True)
-    return WorkingMemoryState((drive - u * total) / tau)
+    return WorkingMemoryState((drive - state.u * total) / tau)
 
 
+@either
 def working_memory_step(
     pulse: Tensor,
     state: WorkingMemoryState,
-    tau: float,
-    excitation: float,
-    feedback: float,
+    tau: Number,
+    excitation: Number,
+    feedback: Number,
     threshold: float,
     dt: float,
 ) -> WorkingMemoryState:
-    """One Euler step of ``dt`` seconds."""
+    r"""One Euler step of ``dt`` seconds, shortened where strong pulses would make it overshoot.
+
+    With :math:`\Delta (\alpha Q + \beta U) \le \tau` the step goes at most to the goal
+    :math:`(\alpha q + \beta u) / (\alpha Q + \beta U)`, which lies between 0 and 1, as u does.
+    """
     rate = working_memory_rate(pulse, state, tau, excitation, feedback, threshold)
-    return WorkingMemoryState(state.u + dt * rate.u)
+    pulses = rectified(pulse, threshold).sum((-2, -1), keepdim=True)
+    total = excitation * pulses + feedback * state.u.sum((-2, -1), keepdim=True)
+    return WorkingMemoryState(state.u + dt * rate.u / (dt * total / tau).clamp_min(1.0))

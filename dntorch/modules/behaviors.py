@@ -5,7 +5,8 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.node import NodeState
-from dntorch.dynamics import Dynamics, check_ends, check_parts
+from dntorch.cells.number import Number, span, wide
+from dntorch.dynamics import Dynamics, check_ends, check_parts, check_positive
 from dntorch.modules.node import NodeWTA
 
 
@@ -14,7 +15,7 @@ class BehaviorState(NamedTuple):
     satisfaction: NodeState
 
 
-class ElementaryBehaviors(Dynamics):
+class ElementaryBehaviors(Dynamics[BehaviorState]):
     r"""n behaviours, each an intention node and a condition-of-satisfaction (CoS) node.
 
     .. math::
@@ -67,43 +68,28 @@ class ElementaryBehaviors(Dynamics):
         n: int,
         intention: NodeWTA | None = None,
         satisfaction: NodeWTA | None = None,
-        value_gain: float | None = None,
-        completion_gain: float | None = None,
-        intention_gain: float = 2.0,
-        match_gain: float = 15.0,
+        value_gain: Number | None = None,
+        completion_gain: Number | None = None,
+        intention_gain: Number = 2.0,
+        match_gain: Number = 15.0,
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
-        if n < 2:
-            raise ValueError(f"n={n}: give at least two behaviours to choose from")
         self.n = n
         self.value_gain = 5.0 * n if value_gain is None else value_gain
         self.completion_gain = 2 * self.value_gain if completion_gain is None else completion_gain
         self.intention_gain, self.match_gain = intention_gain, match_gain
-        for name in ("value_gain", "completion_gain", "match_gain"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}={getattr(self, name)} must be positive")
         # More than keeps two from sharing all value makes near ties oscillate, not decide.
-        inhibition = max(30.0, self.value_gain / 2 + 10)
+        inhibition = max(30.0, span(self.value_gain)[1] / 2 + 10)
         self.intention = intention or NodeWTA(n, inhibition=inhibition, dt=dt)
         self.satisfaction = satisfaction or NodeWTA(n, excitation=8.0, inhibition=8.0, dt=dt)
-        check_parts(self, n, dt)
 
-    @property
-    def state(self) -> BehaviorState:
-        return BehaviorState(self.intention.state, self.satisfaction.state)
-
-    @state.setter
-    def state(self, state: BehaviorState) -> None:
-        self.intention.state = state.intention
-        self.satisfaction.state = state.satisfaction
-
-    def initial(self, batch: list[int]) -> BehaviorState:
-        return BehaviorState(self.intention.initial(batch), self.satisfaction.initial(batch))
-
-    def forward(self, value: Tensor, match: Tensor) -> tuple[Tensor, Tensor]:
-        output, self.state = self.step(value, match, self.state)
-        return output
+    def check(self) -> None:
+        if self.n < 2:
+            raise ValueError(f"n={self.n}: give at least two behaviours to choose from")
+        for name in ("value_gain", "completion_gain", "match_gain"):
+            check_positive(name, getattr(self, name))
+        check_parts(self, self.n, self.dt)
 
     def output(self, state: BehaviorState) -> tuple[Tensor, Tensor]:
         """Firing rates of intention and CoS nodes."""
@@ -113,20 +99,13 @@ class ElementaryBehaviors(Dynamics):
         )
 
     def euler(self, value: Tensor, match: Tensor, state: BehaviorState) -> BehaviorState:
-        """One step, without the output."""
         check_ends("value", value, [self.n])
         check_ends("match", match, [self.n])
         intention, satisfaction = self.output(state)
         others = intention.sum(-1, keepdim=True) - intention
-        drive = self.value_gain * value - self.completion_gain * satisfaction
-        percept = self.match_gain * match - self.intention_gain * others
+        drive = wide(self.value_gain, 1) * value - wide(self.completion_gain, 1) * satisfaction
+        percept = wide(self.match_gain, 1) * match - wide(self.intention_gain, 1) * others
         return BehaviorState(
             self.intention.euler(drive, state.intention),
             self.satisfaction.euler(percept, state.satisfaction),
         )
-
-    def step(
-        self, value: Tensor, match: Tensor, state: BehaviorState
-    ) -> tuple[tuple[Tensor, Tensor], BehaviorState]:
-        state = self.euler(value, match, state)
-        return self.output(state), state

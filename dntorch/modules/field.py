@@ -7,12 +7,13 @@ from torch import Tensor
 
 from dntorch.cells.field import FieldState, field_step
 from dntorch.cells.functions import sigmoid
-from dntorch.cells.integrators import check_integrator, halfway
-from dntorch.cells.kernels import SELECTIVE, Kernel, assemble
-from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
+from dntorch.cells.integrators import check_integrator
+from dntorch.cells.kernels import SELECTIVE, Global, Kernel, Matrices, as_terms, assemble
+from dntorch.cells.number import Number, wide
+from dntorch.dynamics import Dynamics, check_ends, check_negative, check_time_constant
 
 
-class DNF(Dynamics):
+class DNF(Dynamics[FieldState]):
     r"""Dynamic neural field over 0, 1, 2 or 3 dimensions: a node, a line, a sheet, a block.
 
     .. math:: \tau \dot u(x) = -u(x) + h + S(x) + \sum_{x'} \omega(x, x') f(u(x'))
@@ -38,15 +39,27 @@ class DNF(Dynamics):
     Shapes: input and output ``(*batch, *shape)``; two dimensions are ``(y, x)``; the output
     is :math:`f(u)` after the step. State: ``FieldState(u)``, at rest ``h``.
 
+    ``tau`` and ``h`` may be tensors ``(*batch,)``, one number per field of a batch.
+
     Noise is an input: ``amplitude / dt**0.5 * torch.randn(...)`` added to it moves ``u`` by
-    ``amplitude * dt**0.5 / tau * xi`` a step. To learn a kernel, make it a parameter, which
-    is then in the checkpoint: ``field.kernel_0 = nn.Parameter(field.kernel_0)``, one stack
-    of matrices ``(terms, n, n)`` an axis. ``field.double()`` keeps kernels rounded to float32;
-    ``dtype=torch.float64`` has exact ones.
+    ``amplitude * dt**0.5 / tau * xi`` per step. NaN in an input spreads through the field.
+
+    ``field.kernel`` reads as terms; setting it builds new matrices, differentiable in the
+    numbers of its terms: ``field.kernel = (Gauss(a, s), Global(-0.5))`` with tensors a and s
+    that want gradients, again after each step of an optimizer. To learn the matrices
+    themselves, make them parameters, which are then in the checkpoint: ``field.kernel_0 =
+    nn.Parameter(field.kernel_0)``, one stack of matrices ``(terms, n, n)`` per axis;
+    ``field.kernel`` then reads as `Matrices`. ``field.double()`` keeps kernels rounded to
+    float32; ``dtype=torch.float64`` has exact ones.
+
+    Inside a composite, ``euler`` advances the field by ``dt`` in ``substeps`` Euler steps;
+    ``integrator`` is that of ``step``.
 
     Raises:
-        ValueError: ``dt / substeps > tau``, ``h`` not negative, more than three axes, a term or
-            border that doesn't fit the axes; in a step, an input that doesn't end in ``shape``.
+        ValueError: ``dt / substeps > tau``, ``h`` not negative, more than three axes, a term
+            that has no effect or doesn't fit the axes; in a step, an input that doesn't end in
+            ``shape`` or has another dtype.
+        TypeError: an input that is no tensor.
 
     Source: Amari, "Dynamics of pattern formation in lateral-inhibition type neural fields",
     1977; eq. (1) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous Reinforcement
@@ -65,8 +78,9 @@ class DNF(Dynamics):
     [0.0, 1.0]
     """
 
+    __jit_unused_properties__ = ("kernel",)
+    settable = ("kind", "substeps", "integrator")
     u: Tensor
-    shape: list[int]
     kernel_0: Tensor
     kernel_1: Tensor
     kernel_2: Tensor
@@ -75,8 +89,8 @@ class DNF(Dynamics):
         self,
         shape: int | Sequence[int],
         kernel: Kernel = SELECTIVE,
-        tau: float = 0.1,
-        h: float = -5.0,
+        tau: Number = 0.1,
+        h: Number = -5.0,
         kind: str = "logistic",
         steepness: float = 4.0,
         threshold: float = 0.0,
@@ -87,46 +101,64 @@ class DNF(Dynamics):
         dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__(dt)
-        self.shape = [shape] if isinstance(shape, int) else list(shape)
-        if len(self.shape) > 3 or min(self.shape, default=1) < 1:
-            raise ValueError(f"shape={shape}: give 0 to 3 axes of at least one site each")
-        if not h < 0:
-            raise ValueError(f"h={h} must be negative: with another every site is on at rest")
-        check_integrator(integrator, substeps)
-        check_time_constant("tau", tau, dt / substeps)
-        sigmoid(self.origin, kind, steepness, threshold)  # raises for an unknown kind
+        self.shape, self.border = _axes(shape), border
         self.tau, self.h = tau, h
         self.kind, self.steepness, self.threshold = kind, steepness, threshold
         self.substeps, self.integrator = substeps, integrator
-        kernels, self.everywhere = assemble(kernel, self.shape, border)
         self.to(dtype=dtype)
-        for axis in range(3):
-            matrices = kernels[axis] if axis < len(kernels) else torch.empty(0)
-            self.register_buffer(f"kernel_{axis}", matrices.to(self.origin), persistent=False)
-        self.resize()
+        self.kernel = kernel
+
+    def check(self) -> None:
+        check_integrator(self.integrator, self.substeps)
+        check_negative("h", self.h, "with another every site is on at rest")
+        check_time_constant("tau", self.tau, self.dt / self.substeps)
+        sigmoid(self.origin, self.kind, self.steepness, self.threshold)  # raises if unknown
 
     @property
-    def state(self) -> FieldState:
-        return FieldState(self.u.clone())
+    def kernel(self) -> Kernel:
+        """Terms, as they were set; as `Matrices` once the matrices were changed otherwise."""
+        built, everywhere = assemble(self._terms, self.shape, self.border)
+        stacks = self._stacks()
+        if all(torch.equal(x.to(y), y) for x, y in zip(built, stacks)):
+            return self._terms
+        terms = tuple(Matrices(tuple(each)) for each in zip(*(stack.unbind() for stack in stacks)))
+        return terms if everywhere == 0.0 else (*terms, Global(everywhere))
 
-    @state.setter
-    def state(self, state: FieldState) -> None:
-        overwrite(self.u, state.u)
+    @kernel.setter
+    def kernel(self, kernel: Kernel) -> None:
+        terms = as_terms(kernel)
+        matrices, everywhere = assemble(terms, self.shape, self.border)  # may refuse
+        self._terms = terms
+        if isinstance(everywhere, Tensor):
+            everywhere = everywhere.to(self.origin)
+        self._place("everywhere", everywhere)
+        for axis in range(3):
+            stack = matrices[axis] if axis < len(matrices) else torch.empty(0)
+            self._place(f"kernel_{axis}", stack.to(self.origin))
+
+    def _stacks(self) -> list[Tensor]:
+        return [self.kernel_0, self.kernel_1, self.kernel_2][: len(self.shape)]
 
     def initial(self, batch: list[int]) -> FieldState:
-        return FieldState(self.origin.new_full(batch + self.shape, self.h))
+        rest = self.origin.new_zeros(batch + self.shape)
+        return FieldState(rest + wide(self.h, len(self.shape)))
 
     def output(self, state: FieldState) -> Tensor:
         """Firing rate :math:`f(u)`."""
         return sigmoid(state.u, self.kind, self.steepness, self.threshold)
 
-    def euler(self, input: Tensor, state: FieldState) -> FieldState:
+    def substep(self, input: Tensor, state: FieldState) -> FieldState:
         """One Euler step of ``dt / substeps`` seconds."""
-        kernels = [self.kernel_0, self.kernel_1, self.kernel_2][: len(self.shape)]
-        return field_step(
-            input, state, kernels, self.everywhere, self.tau, self.h,
-            self.kind, self.steepness, self.threshold, self.dt / self.substeps,
-        )  # fmt: skip
+        axes, sigmoid = len(self.shape), (self.kind, self.steepness, self.threshold)
+        tau, h = wide(self.tau, axes), wide(self.h, axes)
+        kernels, dt = self._stacks(), self.dt / self.substeps
+        return field_step(input, state, kernels, self.everywhere, tau, h, *sigmoid, dt)
+
+    def euler(self, input: Tensor, state: FieldState) -> FieldState:
+        """``dt`` seconds in Euler steps."""
+        for _ in range(self.substeps):
+            state = self.substep(input, state)
+        return state
 
     def step(self, input: Tensor, state: FieldState) -> tuple[Tensor, FieldState]:
         check_ends("input", input, self.shape)
@@ -136,8 +168,16 @@ class DNF(Dynamics):
                 "input.to(field.u), or build the field with dtype=torch.float64"
             )
         for _ in range(self.substeps):
-            ahead = self.euler(input, state)
+            ahead = self.substep(input, state)
             if self.integrator == "heun":
-                ahead = FieldState(halfway(state.u, self.euler(input, ahead).u))
+                ahead = self.halfway(state, self.substep(input, ahead))
             state = ahead
         return self.output(state), state
+
+
+def _axes(shape: int | Sequence[int]) -> list[int]:
+    whole = isinstance(shape, int) and not isinstance(shape, bool)
+    sizes = [shape] if whole else list(shape) if isinstance(shape, Sequence) else [0]
+    if len(sizes) > 3 or not all(isinstance(n, int) and n >= 1 for n in sizes):
+        raise ValueError(f"shape={shape!r}: give 0 to 3 axes of at least one site each")
+    return sizes

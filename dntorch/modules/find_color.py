@@ -1,5 +1,7 @@
 """Senses and motors of "find colour c": from camera images to wheel speeds."""
 
+from typing import Final, NamedTuple
+
 import torch
 from torch import Tensor
 
@@ -8,11 +10,18 @@ from dntorch.cells.field import FieldState
 from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
 from dntorch.cells.kernels import Gauss, Global, gauss_matrix
 from dntorch.colors import HUES, PAPER, check_colors
-from dntorch.dynamics import Dynamics, check_ends
+from dntorch.dynamics import check_ends, check_parts, check_positive
 from dntorch.modules.field import DNF
+from dntorch.modules.sensorimotor import Sensorimotor
 
 
-class FindColor(Dynamics):
+class ColorState(NamedTuple):
+    perception: FieldState
+    satisfaction: FieldState
+    heading: FieldState
+
+
+class FindColor(Sensorimotor[ColorState]):
     r"""Turn on the spot until an object of the wanted colour is in the middle of the image.
 
     ::
@@ -36,10 +45,10 @@ class FindColor(Dynamics):
     The image alone leaves the perceptual field below threshold and so does the intention
     alone. Local excitation and global inhibition let one of several fitting objects win.
 
-    Shapes: ``observation`` is an RGB image, uint8, ``(*batch, height, width, 3)``, row 0 at the
+    Shapes: the observation ``image`` is RGB, uint8, ``(*batch, height, width, 3)``, row 0 at the
     top, of any size; fields have ``hues`` by ``columns`` sites; ``intention`` ``(*batch, n)``;
     the action is two wheel speeds in rad/s, left first, ``(*batch, 2)``.
-    State: the activation of the three fields by name, at rest at their resting level.
+    State: ``ColorState(perception, satisfaction, heading)``, at rest at their resting level.
 
     Args:
         colors: letters of the colours to find, one behaviour each.
@@ -64,10 +73,21 @@ class FindColor(Dynamics):
     >>> image = torch.zeros(39, 52, 3, dtype=torch.uint8)
     >>> image[10:30, 5:15, 2] = 255  # a blue block on the left
     >>> for _ in range(32):
-    ...     action = body(image, torch.tensor([0.0, 0.0, 1.0, 0.0]))  # find blue
+    ...     action = body({"image": image}, torch.tensor([0.0, 0.0, 1.0, 0.0]))  # find blue
     >>> bool(action[0] < -0.39 and action[1] > 0.39)  # turns left, faster than it scans
     True
     """
+
+    senses = ("image",)
+    fixed = ("dt", "fov", "min_saturation", "min_value")
+
+    SALIENCE: Final[float] = 4.0  # a quarter of a column in one hue is as salient as all of it
+    PERCEPT_GAIN: Final[float] = 4.0  # neither percept nor intention lifts a field above threshold alone
+    INTENTION_GAIN: Final[float] = 2.5
+    CENTER_GAIN: Final[float] = 4.0  # from perception to the CoS field
+    HEADING_GAIN: Final[float] = 8.0  # from perception to the heading field
+    FULL_MATCH: Final[float] = 1.6  # sites of the CoS field that are on at a full match
+    SOFTNESS: Final[float] = 0.1  # sites of the heading field at which it pulls as much as the scan
 
     hue_bias: Tensor
     hue_rows: Tensor
@@ -91,15 +111,11 @@ class FindColor(Dynamics):
         hue_centers: list[float] | None = None,
         dt: float = 1 / 32,
     ) -> None:
-        super().__init__(dt)
-        self.n = len(check_colors(colors))
-        numbers = {"fov": fov, "wheel_radius": wheel_radius, "axle": axle, "max_speed": max_speed}
-        for name, value in numbers.items():
-            if not value > 0:
-                raise ValueError(f"{name}={value} must be positive")
+        super().__init__(dt, max_speed)
+        self.n, self.fov = len(check_colors(colors)), fov
         if hue_centers is not None and len(hue_centers) != self.n:
             raise ValueError(f"hue_centers={hue_centers}: give one for each color of {colors}")
-        self.wheel_radius, self.axle, self.max_speed = wheel_radius, axle, max_speed
+        self.wheel_radius, self.axle = wheel_radius, axle
         self.turning_gain, self.scan = turning_gain, scan
         self.hues, self.columns = hues, columns
         self.min_saturation, self.min_value = min_saturation, min_value
@@ -128,38 +144,12 @@ class FindColor(Dynamics):
         blur = gauss_matrix(columns, 3.5 * unit, "zero")
         self.register_buffer("blur", blur.to(center), persistent=False)
         self.register_buffer("bearing", bearings(columns, fov).to(center), persistent=False)
-        self.resize()
 
-    @property
-    def state(self) -> dict[str, Tensor]:
-        return {
-            "perception": self.perception.state.u,
-            "satisfaction": self.satisfaction.state.u,
-            "heading": self.heading.state.u,
-        }
-
-    @state.setter
-    def state(self, state: dict[str, Tensor]) -> None:
-        self.perception.state = FieldState(state["perception"])
-        self.satisfaction.state = FieldState(state["satisfaction"])
-        self.heading.state = FieldState(state["heading"])
-
-    def initial(self, batch: list[int]) -> dict[str, Tensor]:
-        return {
-            "perception": self.perception.initial(batch).u,
-            "satisfaction": self.satisfaction.initial(batch).u,
-            "heading": self.heading.initial(batch).u,
-        }
-
-    def forward(self, observation: Tensor, intention: Tensor) -> Tensor:
-        output, self.state = self.step(observation, intention, self.state)
-        return output
-
-    def step(
-        self, observation: Tensor, intention: Tensor, state: dict[str, Tensor]
-    ) -> tuple[Tensor, dict[str, Tensor]]:
-        state = self.advance(observation, intention, state)
-        return self.act(intention, state), state
+    def check(self) -> None:
+        super().check()
+        for name in ("fov", "wheel_radius", "axle"):
+            check_positive(name, getattr(self, name))
+        check_parts(self, self.n, self.dt)
 
     def percept(self, image: Tensor) -> Tensor:
         """Salience of each hue in each column, 0 to 1, ``(*batch, hues, columns)``."""
@@ -174,34 +164,36 @@ class FindColor(Dynamics):
             share = torch.nn.functional.adaptive_avg_pool1d(
                 share.reshape(-1, self.hues, share.shape[-1]), self.columns
             ).reshape(batch + [self.hues, self.columns])
-        return torch.matmul((4 * share).clamp_max(1.0).to(self.blur.dtype), self.blur.t())
+        return torch.matmul(
+            (self.SALIENCE * share).clamp_max(1.0).to(self.blur.dtype), self.blur.t()
+        )
 
-    def match(self, observation: Tensor, state: dict[str, Tensor]) -> Tensor:
+    def match(self, _observation: dict[str, Tensor], state: ColorState) -> Tensor:
         """How much of each hue the CoS field holds, ``(*batch, n)``, 0 to 1."""
-        output = self.satisfaction.output(FieldState(state["satisfaction"]))
-        return (output.sum(-1) @ self.hue_rows.t() / 1.6).clamp_max(1.0)
+        output = self.satisfaction.output(state.satisfaction)
+        return (output.sum(-1) @ self.hue_rows.t() / self.FULL_MATCH).clamp_max(1.0)
 
     def advance(
-        self, observation: Tensor, intention: Tensor, state: dict[str, Tensor]
-    ) -> dict[str, Tensor]:
+        self, observation: dict[str, Tensor], intention: Tensor, state: ColorState
+    ) -> ColorState:
         """One step of the fields, all from time t."""
         check_ends("intention", intention, [self.n])
-        perception = FieldState(state["perception"])
-        seen = self.perception.output(perception)
-        bias = 2.5 * (intention @ self.hue_bias).unsqueeze(-1)
-        perceived = self.perception.euler(4 * self.percept(observation) + bias, perception)
-        satisfied = self.satisfaction.euler(
-            4 * seen + bias * self.center, FieldState(state["satisfaction"])
+        seen = self.perception.output(state.perception)
+        bias = self.INTENTION_GAIN * (intention @ self.hue_bias).unsqueeze(-1)
+        percept = self.PERCEPT_GAIN * self.percept(observation["image"]) + bias
+        central = self.CENTER_GAIN * seen + bias * self.center
+        return ColorState(
+            self.perception.euler(percept, state.perception),
+            self.satisfaction.euler(central, state.satisfaction),
+            self.heading.euler(self.HEADING_GAIN * seen.amax(-2), state.heading),
         )
-        headed = self.heading.euler(8 * seen.amax(-2), FieldState(state["heading"]))
-        return {"perception": perceived.u, "satisfaction": satisfied.u, "heading": headed.u}
 
-    def act(self, intention: Tensor, state: dict[str, Tensor]) -> Tensor:
+    def act(self, intention: Tensor, state: ColorState) -> Tensor:
         """Wheel speeds: towards the peak of the heading field; none without an intention."""
-        output = self.heading.output(FieldState(state["heading"]))
-        turning = turning_rate(output, self.bearing, self.turning_gain, self.scan, 0.1)
+        output = self.heading.output(state.heading)
+        turning = turning_rate(output, self.bearing, self.turning_gain, self.scan, self.SOFTNESS)
         turning = turning * (intention.amax(-1) > 0.5).to(turning.dtype)
-        return wheel_speeds(turning, self.wheel_radius, self.axle, self.max_speed)
+        return wheel_speeds(turning, self.wheel_radius, self.axle)
 
 
 def hue_distances(centers: list[float], hues: int) -> Tensor:

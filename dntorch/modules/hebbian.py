@@ -4,10 +4,11 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.hebbian import HebbianState, hebbian_step
-from dntorch.dynamics import Dynamics, check_ends, overwrite
+from dntorch.cells.number import Number
+from dntorch.dynamics import Dynamics, check_ends, check_positive, extended
 
 
-class HebbianQ(Dynamics):
+class HebbianQ(Dynamics[HebbianState]):
     r"""Action values learned by a Hebbian rule that reward and TD error modulate.
 
     .. math:: \dot W_{ij} = \eta\, (1 - I_{ij}) (r + v)\, u_{ij}
@@ -28,9 +29,10 @@ class HebbianQ(Dynamics):
 
     The weights are **long-term memory**: a persistent buffer, 0 at first, which ``reset``
     and ``resize`` never touch. ``spread(*batch)`` gives each member of a batch weights of
-    its own, ``select(k)`` keeps those of one, ``forget()`` erases them. Their state "at
-    rest" is what has been learned. ``learn(False)`` switches learning off; the switch is a
-    tensor, so that an exported program keeps it.
+    its own, ``select(k)`` is a structure with those of one, ``forget()`` erases them. Their
+    state "at rest" is what has been learned. ``learn(False)`` switches learning off; the switch
+    is a tensor, so that an exported program keeps it. (``eval()`` does not: it is PyTorch's
+    switch for layers such as dropout, and a structure has none. An agent learns while it lives.)
 
     Raises:
         ValueError: ``learning_rate`` not positive; weights whose batch is not that of the
@@ -49,83 +51,36 @@ class HebbianQ(Dynamics):
             [0.0200, 0.0000]])
     """
 
+    lasting = ("weights",)
     weights: Tensor
     learning: Tensor
 
-    def __init__(self, n: int, learning_rate: float = 0.06, dt: float = 1 / 32) -> None:
+    def __init__(self, n: int, learning_rate: Number = 0.06, dt: float = 1 / 32) -> None:
         super().__init__(dt)
-        if not learning_rate > 0:
-            raise ValueError(
-                f"learning_rate={learning_rate} must be positive: to switch learning off, "
-                "call learn(False)"
-            )
         self.n, self.learning_rate = n, learning_rate
         self.register_buffer("weights", torch.zeros(n, n))
         self.register_buffer("learning", torch.ones(()), persistent=False)
 
-    @property
-    def state(self) -> HebbianState:
-        return HebbianState(self.weights.clone())
-
-    @state.setter
-    def state(self, state: HebbianState) -> None:
-        if self.weights.shape != state.weights.shape:
-            raise ValueError(
-                f"weights of shape {list(state.weights.shape)} do not fit the memory of shape "
-                f"{list(self.weights.shape)}: call spread(*batch) to give each its own"
-            )
-        overwrite(self.weights, state.weights)
+    def check(self) -> None:
+        check_positive(
+            "learning_rate", self.learning_rate, "to switch learning off, call learn(False)"
+        )
 
     def initial(self, batch: list[int]) -> HebbianState:
         """What has been learned, for each member of ``batch``."""
-        own = list(self.weights.shape[:-2])
-        if batch[len(batch) - len(own) :] != own:
-            raise ValueError(
-                f"batch={batch} does not fit weights of batch {own}: call select(k) to keep those "
-                "of one first"
-            )
-        return HebbianState(self.weights.expand(batch + [self.n, self.n]).clone())
-
-    @torch.jit.export
-    def reset(self) -> None:
-        """Nothing to do: all state is long-term memory."""
-
-    @torch.jit.unused
-    def resize(self, *batch: int) -> "HebbianQ":
-        """Nothing to do: long-term memory does not follow the batch. See `spread`."""
-        return self
-
-    @torch.jit.unused
-    def spread(self, *batch: int) -> "HebbianQ":
-        """Give each member of ``batch`` a copy of the weights, to learn on its own."""
-        self.weights = self.initial(list(batch)).weights
-        return self
-
-    @torch.jit.unused
-    def select(self, index: int) -> "HebbianQ":
-        """Keep the weights of one member of the batch, and lose the others'."""
-        if self.weights.dim() == 2:
-            raise ValueError(f"index={index}: there is one set of weights only, nothing to select")
-        self.weights = self.weights.flatten(0, -3)[index].clone()
-        return self
-
-    @torch.jit.export
-    def forget(self) -> None:
-        """Erase all that was learned."""
-        self.weights.zero_()
+        return HebbianState(extended(self.weights, 2, batch))
 
     @torch.jit.export
     def learn(self, on: bool = True) -> None:
         """Switch learning on or off."""
         self.learning.fill_(float(on))
 
-    def forward(self, active: Tensor, trace: Tensor, error: Tensor, reward: Tensor) -> Tensor:
-        output, self.state = self.step(active, trace, error, reward, self.state)
-        return output
+    def output(self, state: HebbianState) -> Tensor:
+        return state.weights.clone()
 
-    def step(
+    def euler(
         self, active: Tensor, trace: Tensor, error: Tensor, reward: Tensor, state: HebbianState
-    ) -> tuple[Tensor, HebbianState]:
+    ) -> HebbianState:
         check_ends("active", active, [self.n, self.n])
         check_ends("trace", trace, [self.n, self.n])
         if reward.dim() > 0 and reward.shape != error.shape:
@@ -135,5 +90,4 @@ class HebbianQ(Dynamics):
                 "with the batch of the inputs first"
             )
         rate = self.learning_rate * self.learning
-        state = hebbian_step(active, trace, error, reward, state, rate, self.dt)
-        return state.weights, state
+        return hebbian_step(active, trace, error, reward, state, rate, self.dt)

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from dntorch.cells.coincidence import coincidence
 from dntorch.cells.hebbian import HebbianState
+from dntorch.cells.number import Number, span, wide
 from dntorch.cells.opposition import OppositionState
 from dntorch.cells.transient import TransientState
 from dntorch.cells.working_memory import WorkingMemoryState
@@ -24,7 +25,7 @@ class LearnerState(NamedTuple):
     values: HebbianState
 
 
-class Learner(Dynamics):
+class Learner(Dynamics[LearnerState]):
     r"""SARSA(:math:`\lambda`) as neural dynamics over pairs (action i, state j).
 
     =====================  ==============  ==================================================
@@ -68,72 +69,46 @@ class Learner(Dynamics):
         trace: ItemOrderWM | None = None,
         opposition: ValueOpposition | None = None,
         values: HebbianQ | None = None,
-        coincidence_threshold: float = 0.5,
+        coincidence_threshold: Number = 0.5,
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
-        if not 0 < coincidence_threshold < 1:
-            raise ValueError(
-                f"coincidence_threshold={coincidence_threshold}: give a number between 0 and 1"
-            )
         self.n, self.coincidence_threshold = n, coincidence_threshold
         self.register_buffer("off_diagonal", 1 - torch.eye(n), persistent=False)
         self.pulses = pulses or TPCell((n, n), dt=dt)
         self.trace = trace or ItemOrderWM(n, dt=dt)
         self.opposition = opposition or ValueOpposition(n, dt=dt)
         self.values = values or HebbianQ(n, dt=dt)
-        check_parts(self, n, dt)
-        if tuple(self.pulses.shape) != (n, n):
+
+    def check(self) -> None:
+        low, high = span(self.coincidence_threshold)
+        if not 0 < low <= high < 1:
             raise ValueError(
-                f"pulses.shape={tuple(self.pulses.shape)} does not fit: build TPCell(({n}, {n}))"
+                f"coincidence_threshold={low if low <= 0 else high}: give a number between 0 and 1"
             )
-
-    @property
-    def state(self) -> LearnerState:
-        return LearnerState(
-            self.pulses.state, self.trace.state, self.opposition.state, self.values.state
-        )
-
-    @state.setter
-    def state(self, state: LearnerState) -> None:
-        self.pulses.state = state.pulses
-        self.trace.state = state.trace
-        self.opposition.state = state.opposition
-        self.values.state = state.values
-
-    def initial(self, batch: list[int]) -> LearnerState:
-        return LearnerState(
-            self.pulses.initial(batch),
-            self.trace.initial(batch),
-            self.opposition.initial(batch),
-            self.values.initial(batch),
-        )
-
-    @torch.jit.export
-    def reset(self) -> None:
-        self.pulses.reset()
-        self.trace.reset()
-        self.opposition.reset()
-
-    def forward(self, intention: Tensor, satisfaction: Tensor, reward: Tensor) -> Tensor:
-        output, self.state = self.step(intention, satisfaction, reward, self.state)
-        return output
+        check_parts(self, self.n, self.dt)
+        n, shape = self.n, tuple(self.pulses.shape)
+        if shape != (n, n):
+            raise ValueError(f"pulses.shape={shape} does not fit: build TPCell(({n}, {n}))")
 
     def active(self, intention: Tensor, satisfaction: Tensor) -> Tensor:
         """State-action cells: which pair runs, ``(*batch, n, n)``."""
-        return coincidence(intention, satisfaction, self.off_diagonal, self.coincidence_threshold)
+        threshold = wide(self.coincidence_threshold, 2)
+        return coincidence(intention, satisfaction, self.off_diagonal, threshold)
 
-    def step(
+    def output(self, state: LearnerState) -> Tensor:
+        return self.values.output(state.values)
+
+    def euler(
         self, intention: Tensor, satisfaction: Tensor, reward: Tensor, state: LearnerState
-    ) -> tuple[Tensor, LearnerState]:
+    ) -> LearnerState:
         check_ends("intention", intention, [self.n])
         check_ends("satisfaction", satisfaction, [self.n])
         active = self.active(intention, satisfaction)
         pulse, trace, weights = state.pulses.pulse, state.trace.u, state.values.weights
-        _, pulses = self.pulses.step(active, state.pulses)
-        _, memory = self.trace.step(pulse, state.trace)
-        _, opposition = self.opposition.step(pulse, trace, weights, state.opposition)
-        weights, values = self.values.step(
-            active, trace, state.opposition.error, reward, state.values
+        return LearnerState(
+            self.pulses.euler(active, state.pulses),
+            self.trace.euler(pulse, state.trace),
+            self.opposition.euler(pulse, trace, weights, state.opposition),
+            self.values.euler(active, trace, state.opposition.error, reward, state.values),
         )
-        return weights, LearnerState(pulses, memory, opposition, values)

@@ -4,10 +4,11 @@ from torch import Tensor
 
 from dntorch.cells.functions import abs_sigmoid
 from dntorch.cells.node import NodeState, node_step
-from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
+from dntorch.cells.number import Number, wide
+from dntorch.dynamics import Dynamics, check_ends, check_negative, check_time_constant
 
 
-class NodeWTA(Dynamics):
+class NodeWTA(Dynamics[NodeState]):
     r"""Neural nodes with self-excitation and mutual inhibition.
 
     .. math:: \tau \dot u_i = -u_i + h + c_+ f_S(u_i) - c_- \sum_{k \neq i} f_S(u_k) + S_i
@@ -50,48 +51,36 @@ class NodeWTA(Dynamics):
     def __init__(
         self,
         n: int,
-        tau: float = 0.3,
-        h: float = -5.0,
-        excitation: float = 10.0,
-        inhibition: float = 30.0,
+        tau: Number = 0.3,
+        h: Number = -5.0,
+        excitation: Number = 10.0,
+        inhibition: Number = 30.0,
         steepness: float = 100.0,
         threshold: float = 0.0,
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
-        if n < 1:
-            raise ValueError(f"n={n}: give at least one node")
-        if not h < 0:
-            raise ValueError(f"h={h} must be negative: with another every node is on at rest")
-        check_time_constant("tau", tau, dt)
         self.n, self.tau, self.h = n, tau, h
         self.excitation, self.inhibition = excitation, inhibition
         self.steepness, self.threshold = steepness, threshold
-        self.resize()
 
-    @property
-    def state(self) -> NodeState:
-        return NodeState(self.u.clone())
-
-    @state.setter
-    def state(self, state: NodeState) -> None:
-        overwrite(self.u, state.u)
+    def check(self) -> None:
+        if self.n < 1:
+            raise ValueError(f"n={self.n}: give at least one node")
+        check_negative("h", self.h, "with another every node is on at rest")
+        check_time_constant("tau", self.tau, self.dt)
 
     def initial(self, batch: list[int]) -> NodeState:
-        return NodeState(self.origin.new_full(batch + [self.n], self.h))
+        rest = self.origin.new_zeros(batch + [self.n])
+        return NodeState(rest + wide(self.h, 1))
 
     def output(self, state: NodeState) -> Tensor:
         """Firing rate :math:`f_S(u)`."""
         return abs_sigmoid(state.u, self.steepness, self.threshold)
 
     def euler(self, input: Tensor, state: NodeState) -> NodeState:
-        """One step, without the output."""
-        return node_step(
-            input, state, self.tau, self.h, self.excitation, self.inhibition,
-            self.steepness, self.threshold, self.dt,
-        )  # fmt: skip
-
-    def step(self, input: Tensor, state: NodeState) -> tuple[Tensor, NodeState]:
         check_ends("input", input, [self.n])
-        state = self.euler(input, state)
-        return self.output(state), state
+        tau, h = wide(self.tau, 1), wide(self.h, 1)
+        excitation, inhibition = wide(self.excitation, 1), wide(self.inhibition, 1)
+        gains = excitation, inhibition, self.steepness, self.threshold
+        return node_step(input, state, tau, h, *gains, self.dt)

@@ -2,11 +2,12 @@
 
 from torch import Tensor
 
+from dntorch.cells.number import Number, span, wide
 from dntorch.cells.opposition import OppositionState, opposition_step
-from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_positive, check_time_constant
 
 
-class ValueOpposition(Dynamics):
+class ValueOpposition(Dynamics[OppositionState]):
     r"""Value opposition field and value cell: v goes to :math:`\gamma Q(s',a') - Q(s,a)`.
 
     .. math::
@@ -58,36 +59,26 @@ class ValueOpposition(Dynamics):
     def __init__(
         self,
         n: int,
-        discount: float = 0.8,
-        tau: float = 0.1,
-        tau_error: float = 0.1,
-        pulse_threshold: float = 0.05,
-        trace_threshold: float = 0.01,
+        discount: Number = 0.8,
+        tau: Number = 0.1,
+        tau_error: Number = 0.1,
+        pulse_threshold: Number = 0.05,
+        trace_threshold: Number = 0.01,
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
-        check_time_constant("tau", tau, dt)
-        check_time_constant("tau_error", tau_error, dt)
-        if not 0 <= discount <= 1:
-            raise ValueError(f"discount={discount}: give a number from 0 to 1")
-        for name, threshold in (("pulse", pulse_threshold), ("trace", trace_threshold)):
-            if not threshold > 0:
-                raise ValueError(
-                    f"{name}_threshold={threshold} must be positive: at 0 a pulse never ends"
-                )
         self.n, self.discount = n, discount
         self.tau, self.tau_error = tau, tau_error
         self.pulse_threshold, self.trace_threshold = pulse_threshold, trace_threshold
-        self.resize()
 
-    @property
-    def state(self) -> OppositionState:
-        return OppositionState(self.opposition.clone(), self.error.clone())
-
-    @state.setter
-    def state(self, state: OppositionState) -> None:
-        overwrite(self.opposition, state.opposition)
-        overwrite(self.error, state.error)
+    def check(self) -> None:
+        check_time_constant("tau", self.tau, self.dt)
+        check_time_constant("tau_error", self.tau_error, self.dt)
+        low, high = span(self.discount)
+        if not 0 <= low <= high <= 1:
+            raise ValueError(f"discount={low if low < 0 else high}: give a number from 0 to 1")
+        check_positive("pulse_threshold", self.pulse_threshold, "at 0 a pulse never ends")
+        check_positive("trace_threshold", self.trace_threshold, "at 0 a pulse never ends")
 
     def initial(self, batch: list[int]) -> OppositionState:
         return OppositionState(
@@ -95,18 +86,15 @@ class ValueOpposition(Dynamics):
             self.origin.new_zeros(batch),
         )
 
-    def forward(self, pulse: Tensor, trace: Tensor, weights: Tensor) -> Tensor:
-        output, self.state = self.step(pulse, trace, weights, self.state)
-        return output
+    def output(self, state: OppositionState) -> Tensor:
+        return state.error.clone()
 
-    def step(
+    def euler(
         self, pulse: Tensor, trace: Tensor, weights: Tensor, state: OppositionState
-    ) -> tuple[Tensor, OppositionState]:
+    ) -> OppositionState:
         check_ends("pulse", pulse, [self.n, self.n])
         check_ends("trace", trace, [self.n, self.n])
         check_ends("weights", weights, [self.n, self.n])
-        state = opposition_step(
-            pulse, trace, weights, state, self.discount, self.tau, self.tau_error,
-            self.pulse_threshold, self.trace_threshold, self.dt,
-        )  # fmt: skip
-        return state.error, state
+        thresholds = wide(self.pulse_threshold, 2), wide(self.trace_threshold, 2)
+        numbers = wide(self.discount, 2), wide(self.tau, 2), self.tau_error
+        return opposition_step(pulse, trace, weights, state, *numbers, *thresholds, self.dt)

@@ -1,22 +1,17 @@
 """The whole agent: DN-SARSA(lambda)."""
 
-import copy
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from dntorch.cells.hebbian import HebbianState
-from dntorch.cells.integrators import check_integrator, halfway
-from dntorch.cells.node import NodeState
-from dntorch.cells.opposition import OppositionState
-from dntorch.cells.transient import TransientState
+from dntorch.cells.functions import came_on, finite, tainted
+from dntorch.cells.integrators import check_integrator
 from dntorch.cells.value import ValueState
-from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.dynamics import Dynamics, check_ends, check_parts, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_parts, counted
 from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
 from dntorch.modules.learner import Learner, LearnerState
-from dntorch.modules.sensorimotor import Direct
+from dntorch.modules.sensorimotor import Direct, Sensorimotor
 from dntorch.modules.value import ValueNodes
 
 
@@ -26,10 +21,13 @@ class AgentState(NamedTuple):
     value_nodes: ValueState
     learner: LearnerState
     decisions: Tensor
-    """Number of behaviours completed so far, ``(*batch,)``, int64: one decision follows each."""
+    """Number of behaviours completed in an agent's life, ``(*batch,)``, int64: one decision
+    follows each, with noise of its own."""
+    ignored: Tensor
+    """Number of steps in which an input was not finite, ``(*batch,)``, int64"""
 
 
-class DNSarsa(Dynamics):
+class DNSarsa(Dynamics[AgentState]):
     r"""An agent that learns a rewarding sequence of behaviours from delayed reward.
 
     Composes the paper's architecture::
@@ -53,33 +51,45 @@ class DNSarsa(Dynamics):
         substeps: integrator steps in a control step, with the same inputs.
         integrator: ``"euler"`` or ``"heun"``.
 
-    Shapes: ``observation`` as the sensorimotor part wants it, ``reward`` ``(*batch,)``,
-    ``noise`` on the value weights ``(*batch, n, n)`` (see `dntorch.noise.Exploration`;
-    zeros are exploitation); the output is the action.
-    State: `AgentState`, at rest but for the long-term memory of values.
+    Shapes: ``observation`` a dict of tensors with the names in ``senses``, as the sensorimotor
+    part wants them; ``reward`` ``(*batch,)``; ``noise`` on the value weights ``(*batch, n, n)``
+    (see `dntorch.noise.Exploration`; zeros are exploitation); the output is the action.
+    State: `AgentState`, at rest but for the long-term memory of values and the two counts, which
+    go on over the agent's life: ``reset`` keeps them, ``forget`` makes them 0; they are in a
+    snapshot, but in no checkpoint of learned values.
+
+    A NaN or infinity in observation, reward or noise counts as 0 (nothing seen, no reward, no
+    noise) and is counted in ``ignored``: what was learned is never lost to one bad number.
+
+    ``agent.learn(False)`` stops learning. ``agent.eval()`` does not: an agent learns while it
+    lives, and has no layer that behaves otherwise in evaluation.
 
     Raises:
-        ValueError: a part of another size or with another ``dt``.
-        TypeError: a sensorimotor part that is no `Dynamics`.
+        ValueError: a part of another size or with another ``dt``; an observation that lacks a
+            name.
+        TypeError: a sensorimotor part that is no `Sensorimotor`; an observation that is no dict.
 
     Source: Fig. 1 and section III of Kazerounian, Luciw, Richter and Sandamirskaya,
     "Autonomous Reinforcement of Behavioral Sequences in Neural Dynamics". Deviations: those
     of the parts.
 
     >>> agent = DNSarsa(2)
-    >>> match = torch.tensor([0.0, 0.0])  # nothing found yet: the agent starts to want something
+    >>> seen = {"match": torch.zeros(2)}  # nothing found yet: the agent starts to want something
     >>> for _ in range(64):
-    ...     intention = agent(match, torch.tensor(0.0), torch.zeros(2, 2))
+    ...     intention = agent(seen, torch.tensor(0.0), torch.zeros(2, 2))
     >>> int((intention > 0.5).sum())
     1
     """
 
+    __jit_unused_properties__ = ("senses",)
+    lasting = ("decisions", "ignored")
     decisions: Tensor
+    ignored: Tensor
 
     def __init__(
         self,
         n: int,
-        sensorimotor: Dynamics | None = None,
+        sensorimotor: Sensorimotor | None = None,
         behaviors: ElementaryBehaviors | None = None,
         value_nodes: ValueNodes | None = None,
         learner: Learner | None = None,
@@ -89,54 +99,36 @@ class DNSarsa(Dynamics):
     ) -> None:
         super().__init__(dt)
         check_integrator(integrator, substeps)
-        self.n, self.substeps, self.heun = n, substeps, integrator == "heun"
+        self.n, self.substeps, self.integrator = n, substeps, integrator
         fine = dt / substeps
-        if not isinstance(sensorimotor, Dynamics | None):
+        if not isinstance(sensorimotor, Sensorimotor | None):
             raise TypeError(
-                f"sensorimotor={sensorimotor} is no Dynamics: write it as `Direct` is written"
+                f"sensorimotor={sensorimotor} is no Sensorimotor: write it as `Direct` is written"
             )
         self.sensorimotor = sensorimotor or Direct(dt=fine)
         self.behaviors = behaviors or ElementaryBehaviors(n, dt=fine)
         self.value_nodes = value_nodes or ValueNodes(n, dt=fine)
         self.learner = learner or Learner(n, dt=fine)
-        check_parts(self, n, fine)
-        self.resize()
+        for name in self.lasting:
+            self.register_buffer(name, torch.zeros((), dtype=torch.int64), persistent=False)
 
-    @property
-    def state(self) -> AgentState:
-        return AgentState(
-            self.sensorimotor.state,
-            self.behaviors.state,
-            self.value_nodes.state,
-            self.learner.state,
-            self.decisions.clone(),
-        )
-
-    @state.setter
-    def state(self, state: AgentState) -> None:
-        self.sensorimotor.state = state.sensorimotor
-        self.behaviors.state = state.behaviors
-        self.value_nodes.state = state.value_nodes
-        self.learner.state = state.learner
-        overwrite(self.decisions, state.decisions)
+    def check(self) -> None:
+        check_parts(self, self.n, self.dt / self.substeps)
 
     def initial(self, batch: list[int]) -> AgentState:
         return AgentState(
-            self.sensorimotor.initial(batch),
+            self.sensorimotor.flat(self.sensorimotor.initial(batch)),
             self.behaviors.initial(batch),
             self.value_nodes.initial(batch),
             self.learner.initial(batch),
-            torch.zeros(batch, dtype=torch.int64, device=self.origin.device),
+            counted(self.decisions, batch),
+            counted(self.ignored, batch),
         )
 
-    @torch.jit.export
-    def reset(self) -> None:
-        """Put the activation back to rest, in place. What was learned stays."""
-        self.sensorimotor.reset()
-        self.behaviors.reset()
-        self.value_nodes.reset()
-        self.learner.reset()
-        self.decisions.zero_()
+    @property
+    def senses(self) -> tuple[str, ...]:
+        """Names in an observation that the agent reads."""
+        return self.sensorimotor.senses
 
     @property
     def weights(self) -> Tensor:
@@ -148,91 +140,58 @@ class DNSarsa(Dynamics):
         """Switch learning on or off."""
         self.learner.values.learn(on)
 
-    @torch.jit.export
-    def forget(self) -> None:
-        """Erase all that was learned."""
-        self.learner.values.forget()
-
-    @torch.jit.unused
-    def spread(self, *batch: int) -> "DNSarsa":
-        """Resize to ``batch`` and give each agent a copy of the values, to learn on its own."""
-        self.learner.values.spread(*batch)
-        self.resize(*batch)
-        return self
-
-    @torch.jit.unused
-    def select(self, index: int) -> "DNSarsa":
-        """A new agent without batch, at rest, with the values that one of a batch learned."""
-        agent = copy.deepcopy(self)
-        agent.learner.values.select(index)
-        agent.resize()
-        return agent
-
-    def forward(self, observation: Tensor, reward: Tensor, noise: Tensor) -> Tensor:
-        output, self.state = self.step(observation, reward, noise, self.state)
-        return output
+    def output(self, state: AgentState) -> Tensor:
+        """The action."""
+        intention, _ = self.behaviors.output(state.behaviors)
+        body = self.sensorimotor.nested(state.sensorimotor)
+        return self.sensorimotor.limit(self.sensorimotor.act(intention, body))
 
     def step(
-        self, observation: Tensor, reward: Tensor, noise: Tensor, state: AgentState
+        self, observation: dict[str, Tensor], reward: Tensor, noise: Tensor, state: AgentState
     ) -> tuple[Tensor, AgentState]:
         """One control step of ``dt`` seconds: ``(action, state)``."""
         check_ends("noise", noise, [self.n, self.n])
+        check_ends("reward", reward, [])
+        batch = list(state.decisions.shape)
+        taint = tainted(reward, batch) + tainted(noise, batch)
+        seen: dict[str, Tensor] = {}
+        for name, value in self.sensorimotor.sense(observation).items():
+            if value.is_floating_point():
+                taint = taint + tainted(value, batch)
+            seen[name] = finite(value)
+        reward, noise = finite(reward), finite(noise)
         before = self.behaviors.satisfaction.output(state.behaviors.satisfaction)
         for _ in range(self.substeps):
-            ahead = self.euler(observation, reward, noise, state)
-            if self.heun:
-                ahead = midpoint(state, self.euler(observation, reward, noise, ahead))
+            ahead = self.substep(seen, reward, noise, state)
+            if self.integrator == "heun":
+                ahead = self.halfway(state, self.substep(seen, reward, noise, ahead))
             state = ahead
-        intention, after = self.behaviors.output(state.behaviors)
-        completed = ((after > 0.5) & (before <= 0.5)).any(-1)
+        after = self.behaviors.satisfaction.output(state.behaviors.satisfaction)
+        completed = came_on(before, after).any(-1)
         state = AgentState(
             state.sensorimotor,
             state.behaviors,
             state.value_nodes,
             state.learner,
             state.decisions + completed.to(torch.int64),
+            state.ignored + (taint != taint).to(torch.int64),
         )
-        return self.sensorimotor.act(intention, state.sensorimotor), state
+        return self.output(state), state
 
-    def euler(
-        self, observation: Tensor, reward: Tensor, noise: Tensor, state: AgentState
+    def substep(
+        self, observation: dict[str, Tensor], reward: Tensor, noise: Tensor, state: AgentState
     ) -> AgentState:
         """All parts advance together, from what they were at the beginning of the step."""
         intention, satisfaction = self.behaviors.output(state.behaviors)
-        match = self.sensorimotor.match(observation, state.sensorimotor)
-        sensorimotor = self.sensorimotor.advance(observation, intention, state.sensorimotor)
-        behaviors = self.behaviors.euler(state.value_nodes.value, match, state.behaviors)
-        noisy = state.learner.values.weights + noise
-        _, value_nodes = self.value_nodes.step(satisfaction, noisy, state.value_nodes)
-        _, learner = self.learner.step(intention, satisfaction, reward, state.learner)
-        return AgentState(sensorimotor, behaviors, value_nodes, learner, state.decisions)
-
-
-def midpoint(start: AgentState, end: AgentState) -> AgentState:
-    """The state halfway between two: Heun's step is halfway to two Euler steps."""
-    fields: dict[str, Tensor] = {}
-    for name, value in start.sensorimotor.items():
-        fields[name] = halfway(value, end.sensorimotor[name])
-    a, b = start.behaviors, end.behaviors
-    c, d = start.learner, end.learner
-    return AgentState(
-        fields,
-        BehaviorState(
-            NodeState(halfway(a.intention.u, b.intention.u)),
-            NodeState(halfway(a.satisfaction.u, b.satisfaction.u)),
-        ),
-        ValueState(halfway(start.value_nodes.value, end.value_nodes.value)),
-        LearnerState(
-            TransientState(
-                halfway(c.pulses.pulse, d.pulses.pulse),
-                halfway(c.pulses.inhibitory, d.pulses.inhibitory),
-            ),
-            WorkingMemoryState(halfway(c.trace.u, d.trace.u)),
-            OppositionState(
-                halfway(c.opposition.opposition, d.opposition.opposition),
-                halfway(c.opposition.error, d.opposition.error),
-            ),
-            HebbianState(halfway(c.values.weights, d.values.weights)),
-        ),
-        start.decisions,
-    )
+        weights = state.learner.values.weights
+        body = self.sensorimotor.nested(state.sensorimotor)
+        match = self.sensorimotor.match(observation, body)
+        body = self.sensorimotor.advance(observation, intention, body)
+        return AgentState(
+            self.sensorimotor.flat(body),
+            self.behaviors.euler(state.value_nodes.value, match, state.behaviors),
+            self.value_nodes.euler(satisfaction, weights + noise, state.value_nodes),
+            self.learner.euler(intention, satisfaction, reward, state.learner),
+            state.decisions,
+            state.ignored,
+        )

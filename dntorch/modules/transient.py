@@ -1,13 +1,13 @@
 """Detectors of onset and offset."""
 
-import torch
 from torch import Tensor
 
+from dntorch.cells.number import Number, wide
 from dntorch.cells.transient import TransientState, transient_step
-from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_time_constant
 
 
-class TPCell(Dynamics):
+class TPCell(Dynamics[TransientState]):
     r"""Transient pulse cells: a positive pulse at the onset of input, a negative at its offset.
 
     .. math:: \tau \dot{TP}^+ &= -TP^+ + I - TP^- \\
@@ -44,27 +44,20 @@ class TPCell(Dynamics):
     pulse: Tensor
     inhibitory: Tensor
 
-    def __init__(self, shape: tuple[int, ...], tau: float = 0.5, dt: float = 1 / 32) -> None:
+    def __init__(self, shape: tuple[int, ...], tau: Number = 0.5, dt: float = 1 / 32) -> None:
         super().__init__(dt)
-        check_time_constant("tau", tau, dt)
-        self.tau = tau
-        self.shape = torch.Size(shape)
-        self.resize()
+        self.tau, self.shape = tau, list(shape)
 
-    @property
-    def state(self) -> TransientState:
-        return TransientState(self.pulse.clone(), self.inhibitory.clone())
-
-    @state.setter
-    def state(self, state: TransientState) -> None:
-        overwrite(self.pulse, state.pulse)
-        overwrite(self.inhibitory, state.inhibitory)
+    def check(self) -> None:
+        check_time_constant("tau", self.tau, self.dt)
 
     def initial(self, batch: list[int]) -> TransientState:
-        rest = self.origin.new_zeros(batch + list(self.shape))
+        rest = self.origin.new_zeros(batch + self.shape)
         return TransientState(rest, rest.clone())
 
-    def step(self, input: Tensor, state: TransientState) -> tuple[Tensor, TransientState]:
-        check_ends("input", input, list(self.shape))
-        state = transient_step(input, state, self.tau, self.dt)
-        return state.pulse, state
+    def output(self, state: TransientState) -> Tensor:
+        return state.pulse.clone()
+
+    def euler(self, input: Tensor, state: TransientState) -> TransientState:
+        check_ends("input", input, self.shape)
+        return transient_step(input, state, wide(self.tau, len(self.shape)), self.dt)

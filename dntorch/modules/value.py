@@ -3,11 +3,12 @@
 import torch
 from torch import Tensor
 
+from dntorch.cells.number import Number, wide
 from dntorch.cells.value import ValueState, value_step
-from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_positive, check_time_constant
 
 
-class ValueNodes(Dynamics):
+class ValueNodes(Dynamics[ValueState]):
     r"""Nodes that read the values of the current state, normalised to a sum of one.
 
     .. math:: \tau \dot d_i = -d_i + \frac{x_i}{\sum_k x_k}, \qquad
@@ -52,44 +53,32 @@ class ValueNodes(Dynamics):
     """
 
     value: Tensor
-    baseline: Tensor
+    ladder: Tensor
     off_diagonal: Tensor
 
     def __init__(
-        self, n: int, tau: float = 0.1, baseline: float = 1e-3, dt: float = 1 / 32
+        self, n: int, tau: Number = 0.1, baseline: Number = 1e-3, dt: float = 1 / 32
     ) -> None:
         super().__init__(dt)
-        check_time_constant("tau", tau, dt)
-        if n < 2:
-            raise ValueError(f"n={n}: give at least two behaviours to choose from")
-        if not baseline > 0:
-            raise ValueError(f"baseline={baseline} must be positive: at 0 the values may sum to 0")
-        self.n, self.tau = n, tau
-        preference = baseline * (1 + torch.arange(n) / n)
-        self.register_buffer("baseline", preference, persistent=False)
+        self.n, self.tau, self.baseline = n, tau, baseline
+        self.register_buffer("ladder", 1 + torch.arange(n) / n, persistent=False)
         self.register_buffer("off_diagonal", 1 - torch.eye(n), persistent=False)
-        self.resize()
 
-    @property
-    def state(self) -> ValueState:
-        return ValueState(self.value.clone())
-
-    @state.setter
-    def state(self, state: ValueState) -> None:
-        overwrite(self.value, state.value)
+    def check(self) -> None:
+        if self.n < 2:
+            raise ValueError(f"n={self.n}: give at least two behaviours to choose from")
+        check_time_constant("tau", self.tau, self.dt)
+        check_positive("baseline", self.baseline, "at 0 the values may sum to 0")
 
     def initial(self, batch: list[int]) -> ValueState:
         return ValueState(self.origin.new_zeros(batch + [self.n]))
 
-    def forward(self, satisfaction: Tensor, weights: Tensor) -> Tensor:
-        output, self.state = self.step(satisfaction, weights, self.state)
-        return output
+    def output(self, state: ValueState) -> Tensor:
+        return state.value.clone()
 
-    def step(
-        self, satisfaction: Tensor, weights: Tensor, state: ValueState
-    ) -> tuple[Tensor, ValueState]:
+    def euler(self, satisfaction: Tensor, weights: Tensor, state: ValueState) -> ValueState:
         check_ends("satisfaction", satisfaction, [self.n])
         check_ends("weights", weights, [self.n, self.n])
         weights = weights * self.off_diagonal
-        state = value_step(satisfaction, weights, state, self.baseline, self.tau, self.dt)
-        return state.value, state
+        preference = self.ladder * wide(self.baseline, 1)
+        return value_step(satisfaction, weights, state, preference, wide(self.tau, 1), self.dt)

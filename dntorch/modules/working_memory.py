@@ -2,11 +2,12 @@
 
 from torch import Tensor
 
+from dntorch.cells.number import Number, span, wide
 from dntorch.cells.working_memory import WorkingMemoryState, working_memory_step
-from dntorch.dynamics import Dynamics, check_ends, check_time_constant, overwrite
+from dntorch.dynamics import Dynamics, check_ends, check_time_constant
 
 
-class ItemOrderWM(Dynamics):
+class ItemOrderWM(Dynamics[WorkingMemoryState]):
     r"""Item-and-order working memory over pairs: the eligibility trace.
 
     .. math:: \tau \dot u_{ij} = (1-u_{ij})\big(\alpha f_P(TP^+_{ij}) + \beta u_{ij}\big)
@@ -56,37 +57,40 @@ class ItemOrderWM(Dynamics):
     def __init__(
         self,
         n: int,
-        tau: float = 1.0,
-        excitation: float = 1.1,
-        feedback: float = 0.8,
+        tau: Number = 1.0,
+        excitation: Number = 1.1,
+        feedback: Number = 0.8,
         threshold: float = 0.05,
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
-        check_time_constant("tau", tau, dt)
-        if dt * (excitation + feedback) > tau:
-            raise ValueError(
-                f"dt={dt} with tau={tau}: activity could leave [0, 1]; take dt <= "
-                f"{tau / (excitation + feedback):.4g}"
-            )
         self.n, self.tau, self.threshold = n, tau, threshold
         self.excitation, self.feedback = excitation, feedback
-        self.resize()
 
-    @property
-    def state(self) -> WorkingMemoryState:
-        return WorkingMemoryState(self.u.clone())
-
-    @state.setter
-    def state(self, state: WorkingMemoryState) -> None:
-        overwrite(self.u, state.u)
+    def check(self) -> None:
+        check_time_constant("tau", self.tau, self.dt)
+        for name in ("excitation", "feedback", "threshold"):
+            low, _ = span(getattr(self, name))
+            if low < 0:
+                raise ValueError(f"{name}={low}: give 0 or more, or activity could leave [0, 1]")
+        (shortest, _), (_, gain) = span(self.tau), span(self.excitation + self.feedback)
+        if self.dt * gain > shortest:
+            raise ValueError(
+                f"dt={self.dt} with tau={shortest}: two pulses at once would be cut short; take "
+                f"dt <= {shortest / gain:.4g}"
+            )
 
     def initial(self, batch: list[int]) -> WorkingMemoryState:
         return WorkingMemoryState(self.origin.new_zeros(batch + [self.n, self.n]))
 
-    def step(self, input: Tensor, state: WorkingMemoryState) -> tuple[Tensor, WorkingMemoryState]:
+    def output(self, state: WorkingMemoryState) -> Tensor:
+        return state.u.clone()
+
+    def euler(self, input: Tensor, state: WorkingMemoryState) -> WorkingMemoryState:
         check_ends("input", input, [self.n, self.n])
-        state = working_memory_step(
-            input, state, self.tau, self.excitation, self.feedback, self.threshold, self.dt
+        tau, excitation, feedback = (
+            wide(self.tau, 2),
+            wide(self.excitation, 2),
+            wide(self.feedback, 2),
         )
-        return state.u, state
+        return working_memory_step(input, state, tau, excitation, feedback, self.threshold, self.dt)

@@ -1,0 +1,215 @@
+"""Methods that follow from a declaration, written as attrs and dataclasses write ``__init__``.
+
+The fields of a structure's state say all that its plumbing has to do. Here this becomes the
+source of methods, one class at a time: plain code that TorchScript, Dynamo and a debugger
+read like any other.
+"""
+
+import inspect
+import itertools
+import linecache
+import sys
+from types import ModuleType
+from typing import Any, get_args, get_origin, get_type_hints
+
+import torch
+from torch import Tensor
+
+from dntorch.cells.integrators import halfway
+
+
+def state_type(cls: type, base: type) -> Any:
+    """``S`` of ``class X(base[S])``, or None where a class declares no state of its own."""
+    for parent in cls.__dict__.get("__orig_bases__", ()):
+        origin = get_origin(parent)
+        if isinstance(origin, type) and issubclass(origin, base):
+            (state,) = get_args(parent)
+            return state if isinstance(state, type) or get_origin(state) is dict else None
+    return None
+
+
+def fields(state: Any) -> dict[str, str]:
+    """Kind of each field of a state: ``tensor``, ``part`` or, of an open set of names, ``dict``."""
+    kinds = {}
+    for name, kind in get_type_hints(state).items():
+        whole = kind is Tensor or get_origin(kind) is dict
+        kinds[name] = ("tensor" if kind is Tensor else "dict") if whole else "part"
+    return kinds
+
+
+def write_plumbing(cls: type, state: Any) -> None:
+    """All that moves, names and compares a state of this type."""
+    names = {
+        "State": state, "Tensor": Tensor, "overwrite": overwrite, "halfway": halfway,
+        "within": within, "halfway_each": halfway_each,
+    }  # fmt: skip
+    if get_origin(state) is dict:  # no field of its own; a structure with parts overrides these
+        source = _source(
+            ("state(self) -> State", ["state: State = {}", "return state"], "@property"),
+            ("state(self, state: State) -> None", ["self.write(state)"], "@state.setter"),
+            ("write(self, state: State) -> None", ["pass"], ""),
+            ("initial(self, batch: list[int]) -> State", ["state: State = {}", "return state"], ""),
+            ("flat(self, state: State) -> dict[str, Tensor]", ["return state"], ""),
+            ("nested(self, flat: dict[str, Tensor]) -> State", ["return flat"], ""),
+            ("halfway(self, start: State, end: State) -> State",
+             ["return halfway_each(start, end)"], ""),
+            ("reset(self) -> None", ["pass"], "@export"),
+            ("forget(self) -> None", ["pass"], "@export"),
+        )  # fmt: skip
+    else:
+        source = _fields_source(fields(state), cls.lasting)
+    add_methods(cls, source, names)
+
+
+def _fields_source(kinds: dict[str, str], lasting: tuple[str, ...]) -> str:
+    """Source for a state with fields. Each kind of field has one expression per method."""
+    held = {
+        "tensor": "self.{0}.clone()", "part": "self.{0}.state",
+        "dict": "self.{0}.flat(self.{0}.state)",
+    }  # fmt: skip
+    write = {
+        "tensor": "overwrite(self.{0}, state.{0})", "part": "self.{0}.write(state.{0})",
+        "dict": "self.{0}.write(self.{0}.nested(state.{0}))",
+    }  # fmt: skip
+    rest = {"part": "self.{0}.initial(batch)", "dict": "self.{0}.flat(self.{0}.initial(batch))"}
+    flat = {
+        "tensor": "flat['{0}'] = state.{0}",
+        "part": "for name, x in self.{0}.flat(state.{0}).items():\n        flat['{0}.' + name] = x",
+        "dict": "for name, x in state.{0}.items():\n        flat['{0}.' + name] = x",
+    }
+    nested = {
+        "tensor": "flat['{0}']", "part": "self.{0}.nested(within(flat, '{0}.'))",
+        "dict": "within(flat, '{0}.')",
+    }  # fmt: skip
+    middle = {
+        "tensor": "halfway(start.{0}, end.{0})",
+        "part": "self.{0}.halfway(start.{0}, end.{0})",
+        "dict": "halfway_each(start.{0}, end.{0})",
+    }
+
+    def each(forms: dict[str, str]) -> list[str]:
+        return [forms[kind].format(name) for name, kind in kinds.items()]
+
+    def whole(forms: dict[str, str]) -> list[str]:
+        return [f"return State({', '.join(each(forms))})"]
+
+    own = [name for name, kind in kinds.items() if kind == "tensor"]
+    parts = [name for name, kind in kinds.items() if kind != "tensor"]
+    fading = [name for name in own if name not in lasting]
+    reset = [f"self.{name}.reset()" for name in parts]
+    if fading:
+        reset.append("rest = self.initial(list(self.origin.shape))")
+        reset += [f"overwrite(self.{name}, rest.{name})" for name in fading]
+    forget = [f"self.{name}.zero_()" for name in lasting]
+    forget += [f"self.{name}.forget()" for name in parts]
+    methods = [
+        ("state(self) -> State", whole(held), "@property"),
+        ("state(self, state: State) -> None", ["self.write(state)"], "@state.setter"),
+        ("write(self, state: State) -> None", each(write), ""),
+        ("flat(self, state: State) -> dict[str, Tensor]",
+         ["flat: dict[str, Tensor] = {}", *each(flat), "return flat"], ""),
+        ("nested(self, flat: dict[str, Tensor]) -> State", whole(nested), ""),
+        ("halfway(self, start: State, end: State) -> State", whole(middle), ""),
+        ("reset(self) -> None", reset or ["pass"], "@export"),
+        ("forget(self) -> None", forget or ["pass"], "@export"),
+    ]  # fmt: skip
+    if not own:
+        methods.append(("initial(self, batch: list[int]) -> State", whole(rest), ""))
+    return _source(*methods)
+
+
+def _source(*methods: tuple[str, list[str], str]) -> str:
+    return "\n".join(
+        "\n".join([decorator] * bool(decorator) + [f"def {head}:"] + [f"    {x}" for x in body])
+        for head, body, decorator in methods
+    )
+
+
+def write_steps(cls: type) -> None:
+    """``step`` from ``euler`` and ``output``, ``forward`` from ``step``: the same inputs."""
+    own = cls.__dict__
+    if "euler" in own and "step" not in own and hasattr(cls, "output"):
+        takes, names, inputs = _inputs(cls.euler)
+        names["Output"] = cls.output.__annotations__["return"]
+        source = (
+            f"def step(self, {takes}state: State) -> tuple[Output, State]:\n"
+            f"    state = self.euler({inputs}state)\n"
+            "    return self.output(state), state\n"
+        )
+        add_methods(cls, source, names)
+    if "step" in cls.__dict__ and "forward" not in own:
+        takes, names, inputs = _inputs(cls.step)
+        names["Output"] = get_args(cls.step.__annotations__["return"])[0]
+        source = (
+            f"def forward(self, {takes.removesuffix(', ')}) -> Output:\n"
+            f"    output, state = self.step({inputs}self.state)\n"
+            "    self.write(state)\n"
+            "    return output\n"
+        )
+        add_methods(cls, source, names)
+
+
+def _inputs(method: Any) -> tuple[str, dict[str, Any], str]:
+    """Parameters between ``self`` and ``state``: with types, the types by name, as arguments."""
+    *inputs, state = list(inspect.signature(method).parameters.values())[1:]
+    kinds = {f"Input{k}": each.annotation for k, each in enumerate(inputs)}
+    takes = "".join(f"{each.name}: {kind}, " for each, kind in zip(inputs, kinds))
+    return takes, kinds | {"State": state.annotation}, "".join(f"{x.name}, " for x in inputs)
+
+
+def add_methods(cls: type, source: str, names: dict[str, Any]) -> None:
+    """Run ``source`` and add the methods it defines, except those that the class has written.
+
+    The methods share a module that ``sys.modules`` knows, with ``names`` in it: TorchScript
+    looks up types there, Dynamo the module.
+    """
+    place = f"{cls.__module__}.<{cls.__qualname__} {next(_numbers)}>"
+    module = sys.modules[place] = ModuleType(place)
+    vars(module).update(names, export=torch.jit.export)
+    linecache.cache[place] = (len(source), None, source.splitlines(True), place)
+    exec(compile(source, place, "exec"), vars(module), made := {})
+    for name, method in made.items():
+        if name not in cls.__dict__:
+            accessors = (method.fget, method.fset) if isinstance(method, property) else (method,)
+            for function in accessors:
+                function.__module__, function.__qualname__ = (
+                    cls.__module__, f"{cls.__qualname__}.{name}",
+                )  # fmt: skip
+            setattr(cls, name, method)
+
+
+_numbers = itertools.count()
+
+
+# What generated methods call.
+
+
+def overwrite(buffer: Tensor, value: Tensor) -> None:
+    """Write a new state into a buffer, in place, cut off from the graph.
+
+    In place, since a rebound buffer is lost by ``torch.jit.trace`` and ``torch.export``.
+    """
+    if buffer.shape != value.shape:
+        raise ValueError(
+            f"state of shape {list(value.shape)} does not fit the buffer of shape "
+            f"{list(buffer.shape)}: call resize(*batch) with the batch of the inputs first, or "
+            "spread(*batch) where each is to learn on its own"
+        )
+    buffer.copy_(value.detach())
+
+
+def within(flat: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    """The tensors whose names begin with ``prefix``, without it."""
+    found: dict[str, Tensor] = {}
+    for name, x in flat.items():
+        if name.startswith(prefix):
+            found[name[len(prefix) :]] = x
+    return found
+
+
+def halfway_each(start: dict[str, Tensor], end: dict[str, Tensor]) -> dict[str, Tensor]:
+    """`halfway` between two states by name."""
+    middle: dict[str, Tensor] = {}
+    for name, x in start.items():
+        middle[name] = halfway(x, end[name])
+    return middle

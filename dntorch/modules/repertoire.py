@@ -1,0 +1,127 @@
+"""Several kinds of behaviour in one body."""
+
+import torch
+from torch import Tensor, nn
+
+from dntorch.declare import within
+from dntorch.dynamics import check_ends
+from dntorch.modules.sensorimotor import Sensorimotor
+
+
+class Repertoire(Sensorimotor[dict[str, Tensor]]):
+    r"""One repertoire of behaviours out of several sensorimotor parts.
+
+    .. math:: \text{action} = \operatorname{clamp}\Big(\sum_p \text{action}_p,\ \pm v_{max}\Big)
+
+    Behaviours are numbered in the order of the parts: the first ``parts[0].n`` are those of
+    the first. A part sees its own behaviours' intentions and its own senses; one without
+    behaviours (``n = 0``) is always on, such as one that keeps away from walls.
+
+    Shapes: ``observation`` by name, the union of the parts' ``senses``; ``intention``
+    ``(*batch, n)`` with n the sum over the parts; action ``(*batch, motors)``, the sum of what
+    the parts want, limited once.
+    State: the parts' states by name, behind the number of the part: ``parts.0.perception.u``.
+
+    Args:
+        parts: any number of `Sensorimotor`, with the same motors and ``dt``.
+        max_speed: largest absolute wheel speed, rad/s; by default the smallest of the parts'.
+
+    Raises:
+        ValueError: no part, or one with another ``dt``.
+        TypeError: a part that is no `Sensorimotor`.
+
+    Not in the paper.
+
+    >>> from dntorch import FindColor
+    >>> body = Repertoire(FindColor("RG"), FindColor("BY"))
+    >>> image = torch.zeros(39, 52, 3, dtype=torch.uint8)
+    >>> image[10:30, 5:15, 2] = 255  # a blue block on the left
+    >>> for _ in range(32):
+    ...     action = body({"image": image}, torch.tensor([0.0, 0.0, 1.0, 0.0]))  # find blue
+    >>> bool(action[0] < -0.39 and action[1] > 0.39)  # turns left, faster than it scans
+    True
+    """
+
+    def __init__(self, *parts: Sensorimotor, max_speed: float | None = None) -> None:
+        for k, part in enumerate(parts):
+            if not isinstance(part, Sensorimotor):
+                raise TypeError(f"parts[{k}]={part} is no Sensorimotor: write it as `Direct` is")
+            if not hasattr(part, "n"):
+                raise ValueError(f"parts[{k}]={part} does not say its number of behaviours, n")
+        if not parts:
+            raise ValueError("parts=(): give at least one sensorimotor part")
+        fastest = min(part.max_speed for part in parts)
+        super().__init__(parts[0].dt, fastest if max_speed is None else max_speed)
+        self.parts = nn.ModuleList(parts)
+        self.n = sum(part.n for part in parts)
+        self.senses = tuple(dict.fromkeys(name for part in parts for name in part.senses))
+
+    def check(self) -> None:
+        super().check()
+        for k, part in enumerate(self.parts):
+            if abs(part.dt - self.dt) > 1e-9 * self.dt:
+                raise ValueError(f"parts[{k}].dt={part.dt} does not fit dt={self.dt}")
+
+    @property
+    def state(self) -> dict[str, Tensor]:
+        state: dict[str, Tensor] = {}
+        for k, part in enumerate(self.parts):
+            for name, x in part.flat(part.state).items():
+                state[f"parts.{k}.{name}"] = x
+        return state
+
+    @state.setter
+    def state(self, state: dict[str, Tensor]) -> None:
+        self.write(state)
+
+    def write(self, state: dict[str, Tensor]) -> None:
+        for k, part in enumerate(self.parts):
+            part.write(part.nested(within(state, f"parts.{k}.")))
+
+    def initial(self, batch: list[int]) -> dict[str, Tensor]:
+        rest: dict[str, Tensor] = {}
+        for k, part in enumerate(self.parts):
+            for name, x in part.flat(part.initial(batch)).items():
+                rest[f"parts.{k}.{name}"] = x
+        return rest
+
+    @torch.jit.export
+    def reset(self) -> None:
+        for part in self.parts:
+            part.reset()
+
+    @torch.jit.export
+    def forget(self) -> None:
+        for part in self.parts:
+            part.forget()
+
+    def match(self, observation: dict[str, Tensor], state: dict[str, Tensor]) -> Tensor:
+        matches: list[Tensor] = []
+        for k, part in enumerate(self.parts):
+            if part.n > 0:
+                own = within(state, f"parts.{k}.")
+                matches.append(part.match(part.sense(observation), part.nested(own)))
+        return torch.cat(matches, -1)
+
+    def advance(
+        self, observation: dict[str, Tensor], intention: Tensor, state: dict[str, Tensor]
+    ) -> dict[str, Tensor]:
+        check_ends("intention", intention, [self.n])
+        ahead: dict[str, Tensor] = {}
+        first = 0
+        for k, part in enumerate(self.parts):
+            seen, wanted = part.sense(observation), intention.narrow(-1, first, part.n)
+            own = within(state, f"parts.{k}.")
+            for name, x in part.flat(part.advance(seen, wanted, part.nested(own))).items():
+                ahead[f"parts.{k}.{name}"] = x
+            first += part.n
+        return ahead
+
+    def act(self, intention: Tensor, state: dict[str, Tensor]) -> Tensor:
+        actions: list[Tensor] = []
+        first = 0
+        for k, part in enumerate(self.parts):
+            wanted, own = intention.narrow(-1, first, part.n), within(state, f"parts.{k}.")
+            actions.append(part.act(wanted, part.nested(own)))
+            first += part.n
+        return torch.stack(actions).sum(0)
