@@ -18,9 +18,9 @@ from dntorch.robot.servers import MemoryServer
 
 
 def test_what_came_on_is_reported_not_what_is_strongest():
-    came_on = Onset(0.0)
-    steps = [(-5, -5, -5), (1, -5, -5), (8, -5, -5), (9, 0.5, -5), (-2, 8, -5), (-5, -1, -5)]
-    assert [came_on(np.array(u)) for u in steps] == [NOTHING, 0, NOTHING, 1, NOTHING, NOTHING]
+    report, none = Onset(3), NOTHING
+    steps = [(0, 0, 0), (0.6, 0, 0), (0.9, 0, 0), (1, 0.51, 0), (0.4, 0.9, 0), (0, 0.5, 0)]
+    assert [report(np.array(rates)) for rates in steps] == [none, 0, none, 1, none, none]
 
 
 def test_an_agent_made_to_fit_keeps_its_values_and_turns_as_its_images_allow():

@@ -1,6 +1,6 @@
-"""Output functions: from activation to firing rate, elementwise.
+"""Output functions: from activation to firing rate, elementwise; and what a firing rate says.
 
-All but `rectified` run from 0 to 1 and are 1/2 at ``threshold``.
+All output functions but `rectified` run from 0 to 1 and are 1/2 at ``threshold``.
 """
 
 import torch
@@ -47,3 +47,17 @@ def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
     if kind == "heaviside":
         return heaviside(u, threshold)
     raise ValueError(f"kind='{kind}' is no sigmoid: choose 'abs', 'logistic' or 'heaviside'")
+
+
+def is_on(rate: Tensor) -> Tensor:
+    """Whether a node is on: its firing rate is above 1/2. Takes NumPy arrays, too."""
+    return rate > 0.5
+
+
+def came_on(before: Tensor, after: Tensor) -> Tensor:
+    """Whether a node came on between two firing rates. Takes NumPy arrays, too.
+
+    A behaviour is completed when its CoS node comes on: this is where everything that counts,
+    reports or records completed behaviours gets them from.
+    """
+    return is_on(after) & ~is_on(before)

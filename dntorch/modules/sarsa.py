@@ -6,6 +6,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from dntorch.cells.functions import came_on
 from dntorch.cells.hebbian import HebbianState
 from dntorch.cells.integrators import check_integrator, halfway
 from dntorch.cells.node import NodeState
@@ -184,7 +185,7 @@ class DNSarsa(Dynamics):
                 ahead = midpoint(state, self.euler(observation, reward, noise, ahead))
             state = ahead
         intention, after = self.behaviors.output(state.behaviors)
-        completed = ((after > 0.5) & (before <= 0.5)).any(-1)
+        completed = came_on(before, after).any(-1)
         state = AgentState(
             state.sensorimotor,
             state.behaviors,

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from dntorch.cells.functions import is_on
 from dntorch.colors import indices
 from dntorch.experiments.config import Config
 from dntorch.experiments.record import LOOK_BACK
@@ -31,9 +32,9 @@ def hand_over(config: Config, steps: int = 3000) -> float:
     trial = Trial(replace(config, world="nodes", steps=steps, explore=steps))
     trial.advance(steps)
     record = trial.record
-    active = ((record.intention > 0.5).any(1)) & ((record.satisfaction > 0.5).any(1))
-    same = (record.intention > 0.5) & (record.satisfaction > 0.5)
-    active &= ~same.any(1)  # the pair (i, i) does not exist
+    running, completed = is_on(record.intention), is_on(record.satisfaction)
+    active = running.any(1) & completed.any(1)
+    active &= ~(running & completed).any(1)  # the pair (i, i) does not exist
     edges = np.flatnonzero(np.diff(active.astype(int)))
     gaps = np.diff(edges)[~active[edges[:-1] + 1]]
     return float(np.median(gaps)) * config.dt if len(gaps) else 0.5
