@@ -20,11 +20,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: small arrays
 import numpy as np
 import torch
 
+from dntorch.body import STEPS_PER_TURN, Body
 from dntorch.envs import EPuckEnv
 from dntorch.envs.task import NOTHING
 from dntorch.experiments import robot
 from dntorch.experiments.driving import Act, Log, acting, perform
-from dntorch.robot.body import STEPS_PER_TURN, Body
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.camera import Camera
 from dntorch.robot.codecs import rgb565

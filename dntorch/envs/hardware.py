@@ -9,11 +9,11 @@ import numpy as np
 import torch
 from gymnasium import spaces
 
+from dntorch.body import EPUCK, Body, check_positive
 from dntorch.colors import PAPER, check_colors
 from dntorch.envs.epuck import FARTHEST
 from dntorch.envs.sensors import PROXIMITY_TABLE
 from dntorch.envs.task import NOTHING, SequenceTask
-from dntorch.robot.body import EPUCK, Body, check_positive
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.images import resample

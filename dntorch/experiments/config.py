@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from dntorch.body import EPUCK
 from dntorch.cells.integrators import check_integrator
 from dntorch.colors import PAPER, check_colors, check_sequence
 from dntorch.dynamics import check_time_constant
@@ -48,9 +49,9 @@ class Config:
     """s, its length"""
     noise: float = 10.0
     """amplitude of exploration on the value weights"""
-    width: int = 52
+    width: int = EPUCK.width
     """px, of the camera image"""
-    height: int = 39
+    height: int = EPUCK.height
     """px"""
 
     def __post_init__(self) -> None:

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dntorch.body import EPUCK, Body
 from dntorch.envs.emulated import emulate
 from dntorch.envs.hardware import HardwareEnv
 from dntorch.envs.task import NOTHING
@@ -14,7 +15,6 @@ from dntorch.experiments.learn import CHECKPOINT
 from dntorch.experiments.trial import load_trained
 from dntorch.modules.find_color import FindColor
 from dntorch.modules.sarsa import DNSarsa
-from dntorch.robot.body import EPUCK, Body
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, VirtualClock
 from dntorch.robot.dialects import Wifi

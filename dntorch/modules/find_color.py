@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor
 
+from dntorch.body import EPUCK
 from dntorch.cells.color import hue_columns
 from dntorch.cells.field import FieldState
 from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
@@ -78,10 +79,10 @@ class FindColor(Dynamics):
     def __init__(
         self,
         colors: str = PAPER,
-        fov: float = 0.84,
-        wheel_radius: float = 0.020,
-        axle: float = 0.052,
-        max_speed: float = 1.26,
+        fov: float = EPUCK.fov,
+        wheel_radius: float = EPUCK.wheel_radius,
+        axle: float = EPUCK.axle,
+        max_speed: float = EPUCK.speed_cap,
         turning_gain: float = 1.5,
         scan: float = 0.3,
         hues: int = 24,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dntorch.body import EPUCK, check_positive
 from dntorch.colors import HUES
-from dntorch.robot.body import EPUCK, check_positive
 from dntorch.robot.images import hue
 
 
