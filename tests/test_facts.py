@@ -4,8 +4,13 @@ import inspect
 import subprocess
 import sys
 
+import numpy as np
+import pytest
+import torch
+
 from dntorch import FindColor
 from dntorch.body import EPUCK
+from dntorch.colors import MIN_SATURATION, MIN_VALUE
 
 MISSING = "numpy", "gymnasium", "pybullet", "cv2", "scipy", "matplotlib", "click"
 
@@ -29,3 +34,24 @@ def test_an_agent_expects_the_body_that_the_simulation_has():
     built = defaults(FindColor)
     assert built["fov"] is EPUCK.fov and built["max_speed"] is EPUCK.speed_cap
     assert built["wheel_radius"] is EPUCK.wheel_radius and built["axle"] is EPUCK.axle
+
+
+@pytest.mark.parametrize("value", range(0, 256, 5))
+def test_a_robot_is_calibrated_with_the_colours_that_its_agent_sees(value):
+    from dntorch.robot.calibration import measure_hues
+
+    grays = np.linspace(0, value, 26).round()
+    image = np.stack((np.full(26, value), grays, grays), -1).astype(np.uint8)
+    for column in image:
+        pixel = column[None, None]
+        seen = FindColor("RG").percept(torch.from_numpy(pixel)).max() > 0
+        try:
+            measured = bool(measure_hues([pixel], "R"))
+        except ValueError:
+            measured = False
+        assert measured == bool(seen)
+
+
+def test_what_is_a_colour_is_said_once():
+    built = defaults(FindColor)
+    assert built["min_saturation"] is MIN_SATURATION and built["min_value"] is MIN_VALUE

@@ -8,7 +8,7 @@ from dntorch.cells.color import hue_columns
 from dntorch.cells.field import FieldState
 from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
 from dntorch.cells.kernels import Gauss, Global, gauss_matrix
-from dntorch.colors import HUES, PAPER, check_colors
+from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE, PAPER, check_colors
 from dntorch.dynamics import Dynamics, check_ends
 from dntorch.modules.field import DNF
 
@@ -87,8 +87,8 @@ class FindColor(Dynamics):
         scan: float = 0.3,
         hues: int = 24,
         columns: int = 52,
-        min_saturation: float = 90 / 255,
-        min_value: float = 40 / 255,
+        min_saturation: float = MIN_SATURATION,
+        min_value: float = MIN_VALUE,
         hue_centers: list[float] | None = None,
         dt: float = 1 / 32,
     ) -> None:
