@@ -33,6 +33,7 @@ def test_an_agent_made_to_fit_keeps_its_values_and_turns_as_its_images_allow():
     senses, before = fitted.sensorimotor, agent.sensorimotor
     assert senses.axle == 0.056 and not torch.equal(senses.hue_bias, before.hue_bias)
     assert (senses.turning_gain, senses.scan) == (1.0, 0.25)
+    agent.sensorimotor.scan = 0.2
     fast = fit(agent, config, Calibration()).sensorimotor
     assert (fast.turning_gain, fast.scan) == (before.turning_gain, before.scan)
     assert torch.equal(fast.hue_bias, before.hue_bias)
@@ -60,7 +61,7 @@ def test_the_watchdog_waits_for_a_serial_line(dialect, watchdog):
 
 def log_of(letters: str, seconds_each: float = 1.0) -> Log:
     """A log of finding these colours, each sequence noticed as the task does."""
-    log, found = Log(Config()), ""
+    log, found = Log(Config(), scan=0.3), ""
     for letter in letters:
         found += letter
         for k in range(round(32 * seconds_each)):

@@ -78,7 +78,7 @@ class Log:
         ending: why it ended, or "".
     """
 
-    def __init__(self, config: Config, scan: float = 0.3) -> None:
+    def __init__(self, config: Config, scan: float) -> None:
         self.config, self.patience = config, 15 + 1.2 * math.tau / scan
         self.found: list[tuple[int, int]] = []
         self.completed: list[int] = []

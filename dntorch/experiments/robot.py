@@ -58,12 +58,13 @@ def fit(agent: DNSarsa, config: Config, calibration: Calibration) -> DNSarsa:
     scan moves things by at most 0.05 rad from one image to the next.
     """
     agent = copy.deepcopy(agent)
+    senses = agent.sensorimotor
     agent.sensorimotor = FindColor(
         config.colors,
         axle=calibration.axle,
         hue_centers=calibration.hue_centers(config.colors),
-        turning_gain=min(1.5, 0.2 * calibration.fps),
-        scan=min(0.3, 0.05 * calibration.fps),
+        turning_gain=min(senses.turning_gain, 0.2 * calibration.fps),
+        scan=min(senses.scan, 0.05 * calibration.fps),
         dt=config.fine,
     )
     agent.reset()
