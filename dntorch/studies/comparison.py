@@ -7,7 +7,7 @@ import numpy as np
 
 from dntorch.cells.functions import is_on
 from dntorch.colors import indices
-from dntorch.experiments.config import Config
+from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.record import LOOK_BACK
 from dntorch.experiments.trial import Trial
 from dntorch.studies import discrete
@@ -16,15 +16,18 @@ from dntorch.studies.law import correlation
 from dntorch.studies.outcomes import Outcome, needed_rewards, outcome, proportion
 from dntorch.studies.predictions import predictions
 from dntorch.studies.runs import Runs
+from dntorch.studies.theory import Theory, theory
 
 
-def theory_of(config: Config) -> st.Theory:
-    """Learning rates and lambda that the parameters of a config predict."""
-    area = config.reward * config.reward_duration
-    return st.theory(
-        config.learning_rate, config.trace_tau, area, hand_over(config),
-        reward_duration=config.reward_duration,
-    )  # fmt: skip
+def theory_of(config: Config) -> Theory:
+    """Learning rates and lambda that theory expects of the agent of a config."""
+    learner = build_agent(config).learner
+    return theory(learner, hand_over(config), config.reward, config.reward_duration)
+
+
+def reference(expected: Theory) -> discrete.Learning:
+    """Discrete SARSA(lambda) as theory says that the neural learner performs it."""
+    return discrete.Learning(expected.old, min(expected.trace_decay, 1.0), expected.discount)
 
 
 def hand_over(config: Config, steps: int = 3000) -> float:

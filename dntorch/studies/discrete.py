@@ -25,7 +25,7 @@ class Learning:
 
     rate: float
     trace_decay: float
-    discount: float = 0.8
+    discount: float
     replacing: bool = False
 
 
