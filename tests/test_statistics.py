@@ -85,7 +85,7 @@ def test_outcome_of_runs_made_by_hand() -> None:
     rewarded[2, 30] = True  # found, then lost
     policy[0, 60:], policy[1, 50:] = True, True
     total = np.full(3, columns)
-    result = outcome(rewarded, policy, np.full(3, 50), total)
+    result = outcome(rewarded, policy, np.full(3, 50), total, 9)
     assert result.found.tolist() == [True, False, True]
     assert result.optimal.tolist() == [True, True, False]
     assert result.late.tolist() == [True, False, False]

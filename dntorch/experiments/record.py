@@ -13,6 +13,14 @@ LOOK_BACK, SHARE = 40, 0.9
 bring: 9 for G-B-Y-R-G, where every fourth behaviour can be rewarded."""
 
 
+def enough(period: int) -> int:
+    """Rewards within `LOOK_BACK` behaviours that make an agent optimal.
+
+    At best there is one reward per ``period`` behaviours.
+    """
+    return int(SHARE * LOOK_BACK / period)
+
+
 def reported(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Position of the CoS node that came on between two firing rates ``(*any, n)``.
 
@@ -109,11 +117,9 @@ class Record:
         return differ + max(0, abs(len(reported) - len(self.behaviors)) - 1)
 
     def optimal(self, period: int) -> bool:
-        """Nine in ten of the rewards possible within the last 40 behaviours, one a ``period``."""
+        """Whether its last 40 behaviours brought `enough` rewards, at best one per ``period``."""
         steps = np.flatnonzero(self.found[: self.length] != NOTHING)[-LOOK_BACK:]
-        return len(steps) == LOOK_BACK and int(self.completed[steps].sum()) >= int(
-            SHARE * LOOK_BACK / period
-        )
+        return len(steps) == LOOK_BACK and int(self.completed[steps].sum()) >= enough(period)
 
     def longest_overlap(self, rates: np.ndarray) -> int:
         """Most steps in a row in which two or more nodes of one kind were on together."""

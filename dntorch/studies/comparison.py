@@ -66,7 +66,9 @@ def discrete_outcomes(
             history = discrete.explore_or_exploit(
                 kind, explored, total, config.seed, config.sequence, config.colors, chances=chances
             )
-            outcomes[name + suffix] = outcome(history.rewarded, history.policy, explored, total)
+            outcomes[name + suffix] = outcome(
+                history.rewarded, history.policy, explored, total, needed_rewards(config)
+            )
     return outcomes
 
 

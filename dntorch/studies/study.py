@@ -7,6 +7,7 @@ import numpy as np
 
 import dntorch
 from dntorch.experiments.config import Config
+from dntorch.experiments.record import LOOK_BACK
 from dntorch.experiments.results import commit
 from dntorch.studies import statistics as st
 from dntorch.studies.comparison import (
@@ -140,7 +141,8 @@ def td_error(
         number, _ = np.histogram(step[chosen], edges)
         curves[name] = total_size / np.maximum(number, 1)
     column = np.arange(delta.shape[1])
-    last = (column >= total[:, None] - 41) & (column < total[:, None] - 1) & found & (step >= 0)
+    end = total[:, None] - 1
+    last = (column >= end - LOOK_BACK) & (column < end) & found & (step >= 0)
     paid = last & runs.rewarded[:, :-1]
     which = np.flatnonzero(result.found)
     first = delta[which, result.first[which].clip(max=delta.shape[1] - 1)]
