@@ -23,6 +23,9 @@ MIN_SATURATION, MIN_VALUE = 90 / 255, 40 / 255
 #: The four colours of the paper, in the order of its figure.
 PAPER = "RGBY"
 
+#: The rewarded sequence of the paper.
+SEQUENCE = "GBYRG"
+
 
 def check_colors(colors: str) -> str:
     """Return ``colors`` if it is a repertoire: two or more known letters, none twice."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from dntorch import FindColor
+from dntorch import DNSarsa, Exploration, FindColor
 from dntorch.body import EPUCK
 from dntorch.colors import MIN_SATURATION, MIN_VALUE
 
@@ -55,3 +55,36 @@ def test_a_robot_is_calibrated_with_the_colours_that_its_agent_sees(value):
 def test_what_is_a_colour_is_said_once():
     built = defaults(FindColor)
     assert built["min_saturation"] is MIN_SATURATION and built["min_value"] is MIN_VALUE
+
+
+def test_the_agent_of_a_run_is_the_agent_that_a_user_builds():
+    from dntorch.experiments.config import Config, build_agent, build_exploration
+
+    config = Config()
+    run, own = build_agent(config), DNSarsa(4, FindColor("RGBY"))
+    for (name, part), (other_name, other) in zip(run.named_modules(), own.named_modules()):
+        assert name == other_name and numbers(part) == numbers(other)
+    noise, usual = build_exploration(config), Exploration(4, seed=0)
+    assert numbers(noise) == numbers(usual) and noise.amplitude == config.noise
+
+
+def numbers(part) -> dict:
+    """Parameters that are plain numbers."""
+    return {k: v for k, v in vars(part).items() if isinstance(v, int | float)}
+
+
+def test_all_worlds_pay_alike():
+    pytest.importorskip("gymnasium")
+    pytest.importorskip("pybullet")
+    from dntorch.envs import EPuckEnv, HardwareEnv
+    from dntorch.envs.task import SequenceTask
+    from dntorch.experiments.config import Config
+
+    task, config = SequenceTask(), Config()
+    for name in ("sequence", "colors", "reward", "dt"):
+        assert getattr(config, name) == getattr(task, name)
+    assert round(config.reward_duration / config.dt) == task.steps
+    for world in (EPuckEnv, HardwareEnv):
+        built = defaults(world.__init__)
+        for name in ("sequence", "colors", "reward", "reward_duration", "dt"):
+            assert built[name] == getattr(config, name)
