@@ -17,8 +17,14 @@ NAMES: dict[str, str] = {
     "C": "cyan", "B": "blue", "V": "violet", "M": "magenta",
 }  # fmt: skip
 
+#: Saturation and value, 0 to 1, below which a pixel has no colour: too gray, too dark.
+MIN_SATURATION, MIN_VALUE = 90 / 255, 40 / 255
+
 #: The four colours of the paper, in the order of its figure.
 PAPER = "RGBY"
+
+#: The rewarded sequence of the paper.
+SEQUENCE = "GBYRG"
 
 
 def check_colors(colors: str) -> str:

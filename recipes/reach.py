@@ -20,14 +20,13 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dntorch.colors import HUES
-from dntorch.envs.task import SequenceTask
 from dntorch.experiments.config import Config
 from dntorch.experiments.results import commit, write_json
 from dntorch.studies import discrete
 from dntorch.studies.batches import Job, run_groups
-from dntorch.studies.comparison import theory_of, yoked_optimal
+from dntorch.studies.comparison import reference, theory_of, yoked_optimal
 from dntorch.studies.group import Group
-from dntorch.studies.outcomes import describe, neural_outcome, outcome
+from dntorch.studies.outcomes import describe, needed_rewards, neural_outcome, outcome
 from dntorch.studies.runs import runs_from_events
 from dntorch.studies.statistics import wilson
 
@@ -56,8 +55,8 @@ def free(config: Config, explored: np.ndarray, total: np.ndarray, learning: disc
     history = discrete.explore_or_exploit(
         learning, explored, total, config.seed, config.sequence, config.colors
     )
-    period = SequenceTask(config.sequence, config.colors).period
-    return describe(outcome(history.rewarded, history.policy, explored, total, 36 // period))
+    needed = needed_rewards(config)
+    return describe(outcome(history.rewarded, history.policy, explored, total, needed))
 
 
 def draw(rows: list[dict]) -> Figure:
@@ -105,8 +104,7 @@ def main() -> None:
             jobs, folder, a.processes, lambda done: bar.update(done - bar.n), batches=1
         )
 
-    expected = theory_of(base)
-    learning = discrete.Learning(expected.old, expected.trace_decay)
+    learning = reference(theory_of(base))
     rows = []
     for (kind, colors, sequences), job in zip(chosen, jobs):
         config = job.group.config

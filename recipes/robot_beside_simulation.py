@@ -20,11 +20,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: small arrays
 import numpy as np
 import torch
 
+from dntorch.body import STEPS_PER_TURN, Body
 from dntorch.envs import EPuckEnv
 from dntorch.envs.task import NOTHING
 from dntorch.experiments import robot
 from dntorch.experiments.driving import Act, Log, acting, perform
-from dntorch.robot.body import STEPS_PER_TURN, Body
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.camera import Camera
 from dntorch.robot.codecs import rgb565
@@ -68,14 +68,14 @@ def simulated(act: Act, world: dict, steps: int) -> tuple[list, list]:
 
 
 def emulated(
-    act: Act, world: dict, steps: int, config, slew: float = Limits.slew, **link
+    act: Act, world: dict, steps: int, config, scan: float, slew: float = Limits.slew, **link
 ) -> tuple[list, list]:
     """The same of a robot that is driven."""
     layout, given, rows = world["layout_seed"], [], []
     env, emulator, _ = robot.emulated(
         config, layout, Calibration(), {**world, "body": BODY}, **link
     )
-    env.guard.limits, log = Limits(slew=slew), Log(config)
+    env.guard.limits, log = Limits(slew=slew), Log(config, scan)
 
     def heard(image: np.ndarray, reward: float) -> tuple[np.ndarray, int]:
         given.append(act(image, reward))
@@ -104,12 +104,12 @@ def main() -> None:
         agent.learn(False)
         return acting(agent)
 
-    steps = 150 * given.behaviors
+    steps, scan = 150 * given.behaviors, trained.sensorimotor.scan
     for layout in range(given.layouts):
         world = {"layout_seed": layout, "sequence": config.sequence, "colors": config.colors}
         ours, found = simulated(fresh(), world, steps)
         for case, link in CASES.items():
-            rows, theirs = emulated(fresh(), world, steps, config, **link)
+            rows, theirs = emulated(fresh(), world, steps, config, scan, **link)
             away = np.array(rows) - np.array(ours)
             away[:, 2] = np.angle(np.exp(1j * away[:, 2]))  # headings wrap around
             away = np.abs(away).max(0)

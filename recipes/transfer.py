@@ -65,8 +65,13 @@ def artefact(folder: Path) -> Act:
     """An exported agent as something that drives."""
     agent, nodes = run_agent.load(folder, "onnx"), "behaviors.satisfaction.u"
     agent.learn(False)
-    came_on = Onset(agent.manifest["decisions"][nodes])
-    return lambda image, reward: (agent.act(image, reward), came_on(agent.state()[nodes]))
+    threshold = agent.manifest["decisions"][nodes]  # of the activation, where the rate is 1/2
+    report = Onset(agent.state()[nodes].size)
+
+    def act(image, reward):
+        return agent.act(image, reward), report(agent.state()[nodes] > threshold)
+
+    return act
 
 
 def drive(run: Path, folder: Path, job: tuple[str, str, int], film: Path | None = None) -> dict:

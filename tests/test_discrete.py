@@ -34,7 +34,7 @@ def slow(behaviors: list[int], rewarded: list[bool], learning: Learning, n: int 
 @pytest.mark.parametrize("replacing", [False, True])
 @pytest.mark.parametrize("decay", [0.0, 0.5, 1.0])
 def test_equals_a_slow_reference(replacing: bool, decay: float) -> None:
-    learning = Learning(0.1, decay, replacing=replacing)
+    learning = Learning(0.1, decay, 0.8, replacing=replacing)
     history = explore_or_exploit(learning, np.full(20, 60), np.full(20, 90), 3, "GBG")
     for run in range(20):
         behaviors, rewarded = history.behaviors[run], history.rewarded[run]
@@ -48,21 +48,21 @@ def test_equals_a_slow_reference(replacing: bool, decay: float) -> None:
 def test_first_reward_reaches_back_as_the_trace_does() -> None:
     behaviors = np.array([[1, 2, 3, 0, 1, 2]])  # G B Y R G, and then B
     rewarded = np.array([[False] * 4 + [True, False]])
-    values, _ = yoked(Learning(0.1, 0.5), behaviors, rewarded, 4)
+    values, _ = yoked(Learning(0.1, 0.5, 0.8), behaviors, rewarded, 4)
     back = [values[0, s, a] for s, a in [(0, 1), (3, 0), (2, 3), (1, 2)]]
     np.testing.assert_allclose(back, [0.1 * 0.4**k for k in range(4)])
 
 
 def test_td0_teaches_only_the_last_pair() -> None:
     behaviors, rewarded = np.array([[1, 2, 3, 0, 1, 2]]), np.array([[0, 0, 0, 0, 1, 0]])
-    values, _ = yoked(Learning(0.1, 0.0), behaviors, rewarded, 4)
+    values, _ = yoked(Learning(0.1, 0.0, 0.8), behaviors, rewarded, 4)
     assert (values != 0).sum() == 1 and values[0, 0, 1] == pytest.approx(0.1)
 
 
 def test_a_constant_reward_is_valued_as_the_sum_of_its_future() -> None:
     count = 4000
     behaviors = np.tile([0, 1], count // 2)[None]
-    values, _ = yoked(Learning(0.1, 0.7), behaviors, np.ones((1, count)), 2)
+    values, _ = yoked(Learning(0.1, 0.7, 0.8), behaviors, np.ones((1, count)), 2)
     np.testing.assert_allclose([values[0, 0, 1], values[0, 1, 0]], 1 / (1 - 0.8), rtol=1e-6)
 
 
@@ -71,7 +71,7 @@ def test_replacing_differs_from_accumulating_only_when_pairs_repeat() -> None:
     for behaviors in ([0, 1, 2, 3, 0, 2], [0, 1, 0, 1, 0, 1]):
         rewarded = np.ones((1, 6))
         plain, replacing = (
-            yoked(Learning(0.1, 0.9, replacing=kind), np.array([behaviors]), rewarded, 4)[0]
+            yoked(Learning(0.1, 0.9, 0.8, replacing=kind), np.array([behaviors]), rewarded, 4)[0]
             for kind in (False, True)
         )
         both.append(np.allclose(plain, replacing))
@@ -79,7 +79,7 @@ def test_replacing_differs_from_accumulating_only_when_pairs_repeat() -> None:
 
 
 def test_no_behavior_repeats_and_choice_is_uniform() -> None:
-    history = explore_or_exploit(Learning(0.05, 0.7), np.full(200, 300), np.full(200, 300), 1)
+    history = explore_or_exploit(Learning(0.05, 0.7, 0.8), np.full(200, 300), np.full(200, 300), 1)
     c = history.behaviors
     assert (c[:, 1:] != c[:, :-1]).all()
     step = (c[:, 1:] - c[:, :-1]) % 4
@@ -91,7 +91,7 @@ def test_chances_of_other_runs_are_followed() -> None:
     for i in range(4):
         chances[i, :, i] = 0  # never back to the behaviour before last
     total = np.full(50, 100)
-    c = explore_or_exploit(Learning(0.05, 0.7), total, total, 2, chances=chances).behaviors
+    c = explore_or_exploit(Learning(0.05, 0.7, 0.8), total, total, 2, chances=chances).behaviors
     assert (c[:, 3:] != c[:, 1:-2]).all() and (c[:, 1:] != c[:, :-1]).all()
 
 
@@ -99,7 +99,7 @@ def test_traces_learn_the_sequence_and_td0_does_not() -> None:
     explore, total = np.full(300, 300), np.full(300, 600)
     share = {}
     for decay in (0.75, 0.0):
-        history = explore_or_exploit(Learning(0.05, decay), explore, total, 5)
+        history = explore_or_exploit(Learning(0.05, decay, 0.8), explore, total, 5)
         found = history.rewarded[:, :300].any(1)
         share[decay] = (history.rewarded[found, -40:].sum(1) >= 9).mean()
         assert 0.5 < found.mean() < 0.7  # 1 - (1 - 1/324)**296 = .60
@@ -108,7 +108,7 @@ def test_traces_learn_the_sequence_and_td0_does_not() -> None:
 
 def test_each_run_ends_after_its_own_number_of_behaviors() -> None:
     explore, total = np.array([10, 20]), np.array([30, 50])
-    history = explore_or_exploit(Learning(0.05, 0.7), explore, total, 0)
+    history = explore_or_exploit(Learning(0.05, 0.7, 0.8), explore, total, 0)
     assert (history.behaviors >= 0).sum(1).tolist() == [30, 50]
 
 
@@ -126,7 +126,7 @@ def test_greedy_policy() -> None:
 
 
 def test_a_learner_keeps_runs_apart() -> None:
-    learner = Learner(2, 3, Learning(0.5, 0.5))
+    learner = Learner(2, 3, Learning(0.5, 0.5, 0.8))
     state, action = np.array([0, 1]), np.array([1, 2])
     learner.visit(state, action, np.array([True, False]))
     learner.learn(np.array([1, 1]), (state, action), (action, state), np.array([True, False]))
@@ -142,6 +142,6 @@ def test_the_yoked_learner_follows_what_its_exploration_taught() -> None:
     rewarded[:2, [5, 9]] = True
     empty = np.zeros(0)
     runs = Runs(behaviors, behaviors, rewarded, empty, empty, empty, empty)
-    explored, learning = np.full(3, 10), Learning(0.1, 0.7)
+    explored, learning = np.full(3, 10), Learning(0.1, 0.7, 0.8)
     assert yoked_optimal(runs, explored, Config(), ("GBYRG",), learning) == [1, 2]
     assert yoked_optimal(runs, explored, Config(), ("GBYRG", "GYBRG"), learning) == [2, 2]

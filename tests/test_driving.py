@@ -18,9 +18,9 @@ from dntorch.robot.servers import MemoryServer
 
 
 def test_what_came_on_is_reported_not_what_is_strongest():
-    came_on = Onset(0.0)
-    steps = [(-5, -5, -5), (1, -5, -5), (8, -5, -5), (9, 0.5, -5), (-2, 8, -5), (-5, -1, -5)]
-    assert [came_on(np.array(u)) for u in steps] == [NOTHING, 0, NOTHING, 1, NOTHING, NOTHING]
+    report, none = Onset(3), NOTHING
+    steps = [(0, 0, 0), (0.6, 0, 0), (0.9, 0, 0), (1, 0.51, 0), (0.4, 0.9, 0), (0, 0.5, 0)]
+    assert [report(np.array(rates)) for rates in steps] == [none, 0, none, 1, none, none]
 
 
 def test_an_agent_made_to_fit_keeps_its_values_and_turns_as_its_images_allow():
@@ -33,6 +33,7 @@ def test_an_agent_made_to_fit_keeps_its_values_and_turns_as_its_images_allow():
     senses, before = fitted.sensorimotor, agent.sensorimotor
     assert senses.axle == 0.056 and not torch.equal(senses.hue_bias, before.hue_bias)
     assert (senses.turning_gain, senses.scan) == (1.0, 0.25)
+    agent.sensorimotor.scan = 0.2
     fast = fit(agent, config, Calibration()).sensorimotor
     assert (fast.turning_gain, fast.scan) == (before.turning_gain, before.scan)
     assert torch.equal(fast.hue_bias, before.hue_bias)
@@ -60,7 +61,7 @@ def test_the_watchdog_waits_for_a_serial_line(dialect, watchdog):
 
 def log_of(letters: str, seconds_each: float = 1.0) -> Log:
     """A log of finding these colours, each sequence noticed as the task does."""
-    log, found = Log(Config()), ""
+    log, found = Log(Config(), scan=0.3), ""
     for letter in letters:
         found += letter
         for k in range(round(32 * seconds_each)):

@@ -16,9 +16,9 @@ pytest.importorskip("pybullet")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
+from dntorch.body import Body  # noqa: E402
 from dntorch.colors import HUES  # noqa: E402
 from dntorch.envs import EPuckEnv, Light  # noqa: E402
-from dntorch.robot.body import Body  # noqa: E402
 
 PIVOTS = ["free", "kinematic"]
 

@@ -7,7 +7,15 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dntorch.cells.functions import abs_sigmoid, heaviside, logistic, rectified, sigmoid
+from dntorch.cells.functions import (
+    abs_sigmoid,
+    came_on,
+    heaviside,
+    is_on,
+    logistic,
+    rectified,
+    sigmoid,
+)
 
 SMOOTH = [abs_sigmoid, logistic]
 number = st.floats(-1e3, 1e3)
@@ -88,3 +96,17 @@ def test_steep_sigmoids_tend_to_the_step(kind):
 def test_unknown_sigmoid_names_the_known_ones():
     with pytest.raises(ValueError, match=r"tanh.* choose 'abs', 'logistic' or 'heaviside'"):
         sigmoid(torch.zeros(1), "tanh", 1.0, 0.0)
+
+
+@pytest.mark.parametrize("convert", [lambda x: x, torch.Tensor.numpy], ids=["torch", "numpy"])
+def test_a_node_comes_on_when_its_rate_crosses_one_half(convert):
+    rates = torch.tensor([0.0, 0.5, 0.5001, 1.0])
+    before, after = (convert(part) for part in torch.meshgrid(rates, rates, indexing="ij"))
+    assert is_on(after)[0].tolist() == [False, False, True, True]
+    off_before = [[False, False, True, True]] * 2
+    assert came_on(before, after).tolist() == off_before + [[False] * 4] * 2
+
+
+def test_came_on_scripts():
+    before, after = torch.rand(2, 3, 4)
+    assert torch.equal(torch.jit.script(came_on)(before, after), came_on(before, after))

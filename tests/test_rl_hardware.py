@@ -8,9 +8,9 @@ from torchrl.data import Unbounded
 from torchrl.envs import check_env_specs
 
 from dntorch import DNSarsa, FindColor
+from dntorch.body import Body
 from dntorch.envs import EPuckEnv, HardwareEnv
 from dntorch.rl import AgentPolicy, wrap
-from dntorch.robot.body import Body
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.emulator import WIFI_BODY
 

@@ -99,8 +99,8 @@ def test_a_look_around_calibrates_colours():
 def turning():
     """What an emulated e-puck sees while it turns once: images, yaw and wheels."""
     pytest.importorskip("pybullet")
+    from dntorch.body import Body
     from dntorch.envs import EPuckEnv
-    from dntorch.robot.body import Body
 
     env = EPuckEnv(pivot="kinematic", body=Body(axle=0.0568, fov=0.656))
     observation, _ = env.reset(seed=2)

@@ -9,9 +9,9 @@ from robot_worlds import STEPS, Setup, number
 gymnasium = pytest.importorskip("gymnasium")
 pytest.importorskip("pybullet")
 
+from dntorch.body import Body  # noqa: E402
 from dntorch.envs import EPuckEnv  # noqa: E402
 from dntorch.envs.hardware import HardwareEnv  # noqa: E402
-from dntorch.robot.body import Body  # noqa: E402
 from dntorch.robot.calibration import Calibration  # noqa: E402
 from dntorch.robot.camera import Camera  # noqa: E402
 from dntorch.robot.codecs import wifi  # noqa: E402

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import dntorch
-from dntorch.robot.body import STEPS_PER_TURN
+from dntorch.body import STEPS_PER_TURN
 from dntorch.robot.clock import RealClock, VirtualClock
 from dntorch.robot.codecs import wifi
 from dntorch.robot.codecs.rgb565 import Picture

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from dntorch.experiments.config import Config
-from dntorch.modules.transient import TPCell
-from dntorch.modules.working_memory import ItemOrderWM
 from dntorch.studies import statistics as st
 from dntorch.studies.law import correlation, transition_counts
 from dntorch.studies.outcomes import outcome, policies
@@ -60,32 +58,6 @@ def test_chi_square() -> None:
     assert not st.uniformity(np.zeros(6, int))["decidable"]
 
 
-def test_theory_of_the_trace_is_what_the_memory_does() -> None:
-    dt, n = 1 / 1024, 3
-    cell, memory = TPCell((n, n), dt=dt), ItemOrderWM(n, dt=dt)
-    decays = []
-    for site in [(0, 1), (1, 2), (2, 0)]:
-        before = memory.u.clone()
-        for _ in range(8 * 1024):
-            pair = cell.pulse.new_zeros(n, n)
-            pair[site] = 1.0
-            memory(cell(pair).clamp_min(0))
-        decays.append(float(memory.u[0, 1] / before[0, 1]))
-    expected = st.theory(0.06, 1.0, 2.0, gap=0.5)
-    assert decays[1:] == pytest.approx([expected.decay] * 2, rel=0.01)
-
-
-def test_theory_of_the_learning_rate() -> None:
-    still = st.theory(0.06, 1.0, 2.0, gap=50.0)  # the trace fades after all is over
-    assert still.old == pytest.approx(still.settled, rel=0.01)
-    assert still.reward == pytest.approx(0.06 * (1 - still.decay) * 2.0, rel=0.01)
-    assert still.width == pytest.approx(2.2235, abs=1e-3)
-    near = st.theory(0.06, 1.0, 2.0, gap=0.5)
-    assert near.next < near.old < near.settled
-    with pytest.raises(ValueError, match="threshold=0"):
-        st.pulse_above(0.0, 0.5)
-
-
 def test_summary() -> None:
     assert st.summary(np.arange(5))["quartiles"] == [1.0, 3.0]
     assert st.summary(np.array([]))["median"] is None
@@ -113,7 +85,7 @@ def test_outcome_of_runs_made_by_hand() -> None:
     rewarded[2, 30] = True  # found, then lost
     policy[0, 60:], policy[1, 50:] = True, True
     total = np.full(3, columns)
-    result = outcome(rewarded, policy, np.full(3, 50), total)
+    result = outcome(rewarded, policy, np.full(3, 50), total, 9)
     assert result.found.tolist() == [True, False, True]
     assert result.optimal.tolist() == [True, True, False]
     assert result.late.tolist() == [True, False, False]

@@ -1,6 +1,6 @@
-"""Output functions: from activation to firing rate, elementwise.
+"""Output functions: from activation to firing rate, elementwise; and what a firing rate says.
 
-All but `rectified` run from 0 to 1 and are 1/2 at ``threshold``.
+All output functions but `rectified` run from 0 to 1 and are 1/2 at ``threshold``.
 """
 
 import torch
@@ -65,6 +65,15 @@ def tainted(x: Tensor, batch: list[int]) -> Tensor:
     return zero.flatten(dims).sum(-1) if zero.dim() > dims else zero
 
 
+def is_on(rate: Tensor) -> Tensor:
+    """Whether a node is on: its firing rate is above 1/2. Takes NumPy arrays, too."""
+    return rate > 0.5
+
+
 def came_on(before: Tensor, after: Tensor) -> Tensor:
-    """Where a node came on: its firing rate was at most 1/2 and is above it now."""
-    return (after > 0.5) & (before <= 0.5)
+    """Whether a node came on between two firing rates. Takes NumPy arrays, too.
+
+    A behaviour is completed when its CoS node comes on: this is where everything that counts,
+    reports or records completed behaviours gets them from.
+    """
+    return is_on(after) & ~is_on(before)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from tqdm import tqdm
 
+from dntorch.body import EPUCK, FASTEST
 from dntorch.colors import PAPER, check_colors
 from dntorch.commands.common import end_when_asked, new_folder
 from dntorch.commands.target import Target, open_target, options_of_target
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
-FASTEST = 6.28
-"""rad/s, of the motors"""
 
 
 @click.group()
@@ -57,7 +56,13 @@ def robot() -> None:
     "--calibration", "file", type=FILE,
     help="Of `dntorch robot calibrate`.  [default: it turns once around first to make one]",
 )  # fmt: skip
-@click.option("--speed-cap", type=float, default=1.26, show_default=True, help="Of a wheel, rad/s.")
+@click.option(
+    "--speed-cap",
+    type=float,
+    default=EPUCK.speed_cap,
+    show_default=True,
+    help="Of a wheel, rad/s.",
+)
 @click.option(
     "--reward", type=click.Choice(["task", "key"]), default="task", show_default=True,
     help="Paid for what the agent reports, or when you press Enter.",

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from dntorch.body import Body
+from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
-from dntorch.robot.body import Body, Pose
 
 
 class Pin:

@@ -9,15 +9,16 @@ import numpy as np
 import torch
 from gymnasium import spaces
 
-from dntorch.colors import HUES, PAPER, check_colors
+from dntorch.body import EPUCK, STEPS_PER_TURN, Body, check_positive
+from dntorch.colors import HUES, PAPER, SEQUENCE, check_colors
 from dntorch.envs import sensors
 from dntorch.envs.drive import Free, Pin
 from dntorch.envs.judge import NOTHING, Judge, JudgeState, Verdict
 from dntorch.envs.layout import DAYLIGHT, Light, Ring
+from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
 from dntorch.envs.spectator import Spectator
-from dntorch.envs.task import SequenceTask, TaskState
-from dntorch.robot.body import EPUCK, STEPS_PER_TURN, Body, Pose, check_positive
+from dntorch.envs.task import REWARD, REWARD_DURATION, SequenceTask, TaskState
 
 PIVOTS = ("free", "kinematic")
 
@@ -78,10 +79,10 @@ class EPuckEnv(gymnasium.Env):
     def __init__(
         self,
         *,
-        sequence: str = "GBYRG",
+        sequence: str = SEQUENCE,
         colors: str = PAPER,
-        reward: float = 2.0,
-        reward_duration: float = 1.0,
+        reward: float = REWARD,
+        reward_duration: float = REWARD_DURATION,
         dt: float = 1 / 32,
         substeps: int = 4,
         blocks: int | None = None,

@@ -9,11 +9,11 @@ import numpy as np
 import torch
 from gymnasium import spaces
 
-from dntorch.colors import PAPER, check_colors
+from dntorch.body import EPUCK, Body, check_positive
+from dntorch.colors import PAPER, SEQUENCE, check_colors
 from dntorch.envs.epuck import FARTHEST
 from dntorch.envs.sensors import PROXIMITY_TABLE
-from dntorch.envs.task import NOTHING, SequenceTask
-from dntorch.robot.body import EPUCK, Body, check_positive
+from dntorch.envs.task import NOTHING, REWARD, REWARD_DURATION, SequenceTask
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.images import resample
@@ -71,10 +71,10 @@ class HardwareEnv(gymnasium.Env):
         robot: Robot,
         clock: Clock | None = None,
         *,
-        sequence: str = "GBYRG",
+        sequence: str = SEQUENCE,
         colors: str = PAPER,
-        reward: float = 2.0,
-        reward_duration: float = 1.0,
+        reward: float = REWARD,
+        reward_duration: float = REWARD_DURATION,
         dt: float = 1 / 32,
         body: Body = EPUCK,
         calibration: Calibration | None = None,

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dntorch.body import check_positive
 from dntorch.envs.task import NOTHING
-from dntorch.robot.body import check_positive
 
 
 class JudgeState(NamedTuple):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dntorch.robot.body import check_positive
+from dntorch.body import check_positive
 
 SHAPES = ("box", "cylinder", "sphere")
 

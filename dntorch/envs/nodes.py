@@ -9,6 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from dntorch.cells.functions import is_on
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
 from dntorch.noise import keyed_uniform
 
@@ -95,7 +96,7 @@ class NodesWorld:
                 "colors as the agent has behaviors"
             )
         strongest, choice = intention.max(-1)
-        on = strongest > 0.5
+        on = is_on(strongest)
         begun = on & (choice != state.target)
         target = torch.where(begun, choice, state.target)
         visits = state.visits + begun

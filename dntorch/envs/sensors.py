@@ -8,8 +8,9 @@ import math
 
 import numpy as np
 
+from dntorch.body import Body
+from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
-from dntorch.robot.body import Body, Pose
 
 #: Eight infra-red sensors ps0 ... ps7, clockwise from the front right:
 #: x, y, z in metres and direction in radians from straight ahead.

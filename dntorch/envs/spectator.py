@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from dntorch.body import Body
 from dntorch.envs.layout import Light, Ring
+from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
-from dntorch.robot.body import Body, Pose
 
 WHITE, DARK = (0.9, 0.9, 0.9, 1), (0.12, 0.12, 0.14, 1)
 GREEN, ORANGE = (0.3, 0.5, 0.35, 1), (1.0, 0.5, 0.0, 1)

@@ -11,10 +11,13 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.colors import PAPER, indices
+from dntorch.colors import PAPER, SEQUENCE, indices
 
 NOTHING = -1
 """What ``found`` holds for an agent that found nothing in this step."""
+
+REWARD, REWARD_DURATION = 2.0, 1.0
+"""Size of the reward signal, and its length in s, unless a run says otherwise."""
 
 
 class TaskState(NamedTuple):
@@ -45,10 +48,10 @@ class SequenceTask:
 
     def __init__(
         self,
-        sequence: str = "GBYRG",
+        sequence: str = SEQUENCE,
         colors: str = PAPER,
-        reward: float = 2.0,
-        duration: float = 1.0,
+        reward: float = REWARD,
+        duration: float = REWARD_DURATION,
         dt: float = 1 / 32,
         others: tuple[str, ...] = (),
     ) -> None:

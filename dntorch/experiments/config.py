@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from dntorch.body import EPUCK
 from dntorch.cells.integrators import check_integrator
-from dntorch.colors import PAPER, check_colors, check_sequence
+from dntorch.colors import PAPER, SEQUENCE, check_colors, check_sequence
 from dntorch.dynamics import check_time_constant
+from dntorch.envs.task import REWARD, REWARD_DURATION
 from dntorch.modules.find_color import FindColor
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.learner import Learner
@@ -31,7 +33,7 @@ class Config:
     """control steps of exploration, as in the paper"""
     steps: int = 100_000
     """control steps in all; the rest is exploitation"""
-    sequence: str = "GBYRG"
+    sequence: str = SEQUENCE
     colors: str = PAPER
     dt: float = 1 / 32
     """s, a control step"""
@@ -42,15 +44,15 @@ class Config:
     """1/s"""
     trace_tau: float = 1.0
     """s, time constant of the item-and-order memory"""
-    reward: float = 2.0
+    reward: float = REWARD
     """size of the reward signal"""
-    reward_duration: float = 1.0
+    reward_duration: float = REWARD_DURATION
     """s, its length"""
     noise: float = 10.0
     """amplitude of exploration on the value weights"""
-    width: int = 52
+    width: int = EPUCK.width
     """px, of the camera image"""
-    height: int = 39
+    height: int = EPUCK.height
     """px"""
 
     def __post_init__(self) -> None:

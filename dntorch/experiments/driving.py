@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
+from dntorch.cells.functions import is_on
 from dntorch.colors import NAMES
 from dntorch.envs.hardware import HardwareEnv
 from dntorch.envs.task import NOTHING, SequenceTask
 from dntorch.experiments.config import Config
+from dntorch.experiments.record import reported
 from dntorch.modules.sarsa import DNSarsa
 
 Act = Callable[[np.ndarray, float], tuple[np.ndarray, int]]
@@ -32,29 +34,29 @@ class Step(NamedTuple):
 
 def acting(agent: DNSarsa) -> Act:
     """An agent without exploration, as something that drives."""
-    none, came_on = torch.zeros_like(agent.weights), Onset(agent.behaviors.satisfaction.threshold)
+    none, report = torch.zeros_like(agent.weights), Onset(agent.n)
 
     @torch.no_grad()
     def act(image: np.ndarray, reward: float) -> tuple[np.ndarray, int]:
         wheels = agent(torch.from_numpy(image), torch.tensor(reward), none)
-        return wheels.numpy(), came_on(agent.behaviors.satisfaction.u.numpy())
+        _, satisfaction = agent.behaviors.output(agent.behaviors.state)
+        return wheels.numpy(), report(satisfaction.numpy())
 
     return act
 
 
 class Onset:
-    """Which CoS node came on: what an agent reports as found.
+    """What an agent of ``n`` behaviours reports as found: which CoS node came on.
 
-    Called with the activation of the nodes after each step; ``NOTHING`` if none came on.
+    Called with the firing rates of the nodes after each step; ``NOTHING`` if none came on.
     """
 
-    def __init__(self, threshold: float) -> None:
-        self.threshold, self._on = threshold, np.array(False)
+    def __init__(self, n: int) -> None:
+        self._rates = np.zeros(n)
 
-    def __call__(self, u: np.ndarray) -> int:
-        before, self._on = self._on, u > self.threshold
-        new = self._on & ~before
-        return int(new.argmax()) if new.any() else NOTHING
+    def __call__(self, rates: np.ndarray) -> int:
+        before, self._rates = self._rates, rates.copy()
+        return int(reported(before, rates))
 
 
 class Log:
@@ -76,7 +78,7 @@ class Log:
         ending: why it ended, or "".
     """
 
-    def __init__(self, config: Config, scan: float = 0.3) -> None:
+    def __init__(self, config: Config, scan: float) -> None:
         self.config, self.patience = config, 15 + 1.2 * math.tau / scan
         self.found: list[tuple[int, int]] = []
         self.completed: list[int] = []
@@ -183,7 +185,7 @@ def spoken(agent: DNSarsa, config: Config) -> str:
     """What an agent is after, for people."""
     rates = agent.behaviors.intention.output(agent.behaviors.intention.state)
     wanted = int(rates.argmax())
-    return f"find {NAMES[config.colors[wanted]]}" if rates[wanted] > 0.5 else "deciding"
+    return f"find {NAMES[config.colors[wanted]]}" if is_on(rates[wanted]) else "deciding"
 
 
 def why_not(log: Log, seen: str) -> str:

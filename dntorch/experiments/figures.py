@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from dntorch.cells.functions import is_on
 from dntorch.envs.task import NOTHING
 from dntorch.experiments.config import Config
 from dntorch.experiments.record import Record
@@ -222,7 +223,7 @@ def _rate(ax: Axes, seconds: np.ndarray, rate: np.ndarray, color: str) -> None:
 def _bars(ax: Axes, record: Record, steps: slice, config: Config) -> None:
     """What the intention nodes wanted, a bar each time; a star where that was rewarded."""
     for letter, rate in zip(config.colors, record.intention[steps].T):
-        edges = np.flatnonzero(np.diff(rate > 0.5, prepend=False, append=False))
+        edges = np.flatnonzero(np.diff(is_on(rate), prepend=False, append=False))
         for begin, end in (steps.start + edges.reshape(-1, 2)) * config.dt:
             ax.add_patch(Rectangle((begin, 0), end - begin, 1, color=PAINT[letter], lw=0))
             if end - begin > 0.02 * (steps.stop - steps.start) * config.dt:

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dntorch.body import EPUCK, STEPS_PER_TURN
 from dntorch.envs.hardware import HardwareEnv
 from dntorch.robot import calibration as measure
-from dntorch.robot.body import EPUCK, STEPS_PER_TURN
 from dntorch.robot.calibration import Calibration
 
 TURNS, RATE = 1.2, 0.3

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from dntorch.cells.functions import is_on
 from dntorch.colors import NAMES
 from dntorch.experiments.config import Config
 from dntorch.experiments.figures import PAINT, value_image
@@ -78,7 +79,7 @@ def _camera(image: np.ndarray, colors: str, intention: np.ndarray) -> np.ndarray
     height = min(SIDE * image.shape[0] // image.shape[1], HEIGHT - 72)
     panel[:height] = cv2.resize(image, (SIDE, height), interpolation=cv2.INTER_NEAREST)
     cv2.line(panel, (SIDE // 2, height), (SIDE // 2, height + 6), TEXT, 1)
-    if intention.max() > 0.5:
+    if is_on(intention).any():
         letter = colors[intention.argmax()]
         _tile(panel, 16, height + 26, 32, letter)
         _text(panel, f"find {NAMES[letter]}", 60, height + 49, 0.6)

@@ -3,6 +3,7 @@
 import numpy as np
 from torch import Tensor
 
+from dntorch.cells.functions import came_on, is_on
 from dntorch.envs.task import NOTHING
 from dntorch.experiments.worlds import Outcome
 from dntorch.modules.learner import LearnerState
@@ -10,6 +11,24 @@ from dntorch.modules.learner import LearnerState
 LOOK_BACK, SHARE = 40, 0.9
 """An agent is *optimal* with nine in ten of the rewards that its last 40 behaviours could
 bring: 9 for G-B-Y-R-G, where every fourth behaviour can be rewarded."""
+
+
+def enough(period: int) -> int:
+    """Rewards within `LOOK_BACK` behaviours that make an agent optimal.
+
+    At best there is one reward per ``period`` behaviours.
+    """
+    return int(SHARE * LOOK_BACK / period)
+
+
+def reported(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Position of the CoS node that came on between two firing rates ``(*any, n)``.
+
+    This is the colour that an agent reports as found; ``NOTHING`` where no node came on, the
+    first where several did.
+    """
+    new = came_on(before, after)
+    return np.where(new.any(-1), new.argmax(-1), NOTHING)
 
 
 class Record:
@@ -66,10 +85,8 @@ class Record:
         self.error[t] = learner.opposition.error
         self.reward[t] = outcome.reward
         self.found[t], self.completed[t] = outcome.found, outcome.completed
-        on = self.satisfaction[t] > 0.5
-        came_on = on & (self.satisfaction[t - 1] <= 0.5) if t else on
-        if came_on.any():
-            self.reported[t] = came_on.argmax()
+        before = self.satisfaction[t - 1] if t else np.zeros_like(self.satisfaction[t])
+        self.reported[t] = reported(before, self.satisfaction[t])
         if t % self.SPARSE == 0:
             self.weights[t // self.SPARSE] = learner.values.weights.numpy()
         self.length += 1
@@ -100,20 +117,18 @@ class Record:
         return differ + max(0, abs(len(reported) - len(self.behaviors)) - 1)
 
     def optimal(self, period: int) -> bool:
-        """Nine in ten of the rewards possible within the last 40 behaviours, one a ``period``."""
+        """Whether its last 40 behaviours brought `enough` rewards, at best one per ``period``."""
         steps = np.flatnonzero(self.found[: self.length] != NOTHING)[-LOOK_BACK:]
-        return len(steps) == LOOK_BACK and int(self.completed[steps].sum()) >= int(
-            SHARE * LOOK_BACK / period
-        )
+        return len(steps) == LOOK_BACK and int(self.completed[steps].sum()) >= enough(period)
 
     def longest_overlap(self, rates: np.ndarray) -> int:
         """Most steps in a row in which two or more nodes of one kind were on together."""
-        together = ((rates[: self.length] > 0.5).sum(1) > 1).astype(np.int8)
+        together = (is_on(rates[: self.length]).sum(1) > 1).astype(np.int8)
         edges = np.flatnonzero(np.diff(together, prepend=0, append=0))
         return int((edges[1::2] - edges[::2]).max(initial=0))
 
     @property
     def steps_without_state(self) -> int:
         """Steps after the first completion in which no CoS node was on."""
-        on = (self.satisfaction[: self.length] > 0.5).any(1)
+        on = is_on(self.satisfaction[: self.length]).any(1)
         return int((~on[on.argmax() :]).sum()) if on.any() else 0

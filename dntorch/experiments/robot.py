@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dntorch.body import EPUCK, Body
 from dntorch.envs.emulated import emulate
 from dntorch.envs.hardware import HardwareEnv
 from dntorch.envs.task import NOTHING
@@ -14,7 +15,6 @@ from dntorch.experiments.learn import CHECKPOINT
 from dntorch.experiments.trial import load_trained
 from dntorch.modules.find_color import FindColor
 from dntorch.modules.sarsa import DNSarsa
-from dntorch.robot.body import EPUCK, Body
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, VirtualClock
 from dntorch.robot.dialects import Wifi
@@ -58,12 +58,13 @@ def fit(agent: DNSarsa, config: Config, calibration: Calibration) -> DNSarsa:
     scan moves things by at most 0.05 rad from one image to the next.
     """
     agent = copy.deepcopy(agent)
+    senses = agent.sensorimotor
     agent.sensorimotor = FindColor(
         config.colors,
         axle=calibration.axle,
         hue_centers=calibration.hue_centers(config.colors),
-        turning_gain=min(1.5, 0.2 * calibration.fps),
-        scan=min(0.3, 0.05 * calibration.fps),
+        turning_gain=min(senses.turning_gain, 0.2 * calibration.fps),
+        scan=min(senses.scan, 0.05 * calibration.fps),
         dt=config.fine,
     )
     agent.reset()

@@ -9,11 +9,13 @@ import torch
 from torch import Tensor
 from torch.utils import _pytree as pytree
 
+from dntorch.cells.functions import is_on
 from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import NOTHING
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.learn import PORTION
+from dntorch.experiments.record import reported
 from dntorch.experiments.signals import postponed
 from dntorch.experiments.trial import Trial
 from dntorch.experiments.worlds import build_task
@@ -83,7 +85,7 @@ class Together:
             self.observation, self.reward = step.observation, step.reward
             self.found[t], self.completed[t] = step.found.numpy(), step.completed.numpy()
             for nodes, rate in zip(self.on, behaviors.output(state.behaviors)):
-                nodes[t] = rate.numpy() > 0.5
+                nodes[t] = is_on(rate).numpy()
             self.steps = t + 1
         self.state = state
 
@@ -143,6 +145,7 @@ class Together:
         record.length = t
         record.intention[:t], record.satisfaction[:t] = self.on[:, :t, k]
         record.found[:t], record.completed[:t] = self.found[:t, k], self.completed[:t, k]
-        came_on = np.diff(self.on[1, :t, k], axis=0, prepend=False) & self.on[1, :t, k]
-        record.reported[:t] = np.where(came_on.any(1), came_on.argmax(1), NOTHING)
+        after = record.satisfaction[:t]
+        before = np.concatenate((np.zeros_like(after[:1]), after[:-1]))
+        record.reported[:t] = reported(before, after)
         return trial

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import torch
 from torch import Tensor
 
+from dntorch.body import Body
 from dntorch.envs.nodes import NodesState, NodesWorld
 from dntorch.envs.task import SequenceTask, TaskState
 from dntorch.experiments.config import Config
@@ -43,8 +44,7 @@ def build_task(config: Config, others: tuple[str, ...] = ()) -> SequenceTask:
 
 def build_epuck(config: Config, **others: Any) -> "EPuckEnv":
     """The PyBullet world of a run; ``others`` as in `EPuckEnv`."""
-    from dntorch.envs.epuck import EPuckEnv
-    from dntorch.robot.body import Body  # numpy, gymnasium and pybullet are an extra
+    from dntorch.envs.epuck import EPuckEnv  # numpy, gymnasium and pybullet are an extra
 
     return EPuckEnv(
         sequence=config.sequence, colors=config.colors, reward=config.reward,

@@ -5,11 +5,12 @@ from typing import Final, NamedTuple
 import torch
 from torch import Tensor
 
+from dntorch.body import EPUCK
 from dntorch.cells.color import hue_columns
 from dntorch.cells.field import FieldState
 from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
 from dntorch.cells.kernels import Gauss, Global, gauss_matrix
-from dntorch.colors import HUES, PAPER, check_colors
+from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE, PAPER, check_colors
 from dntorch.dynamics import check_ends, check_parts, check_positive
 from dntorch.modules.field import DNF
 from dntorch.modules.sensorimotor import Sensorimotor
@@ -98,16 +99,16 @@ class FindColor(Sensorimotor[ColorState]):
     def __init__(
         self,
         colors: str = PAPER,
-        fov: float = 0.84,
-        wheel_radius: float = 0.020,
-        axle: float = 0.052,
-        max_speed: float = 1.26,
+        fov: float = EPUCK.fov,
+        wheel_radius: float = EPUCK.wheel_radius,
+        axle: float = EPUCK.axle,
+        max_speed: float = EPUCK.speed_cap,
         turning_gain: float = 1.5,
         scan: float = 0.3,
         hues: int = 24,
         columns: int = 52,
-        min_saturation: float = 90 / 255,
-        min_value: float = 40 / 255,
+        min_saturation: float = MIN_SATURATION,
+        min_value: float = MIN_VALUE,
         hue_centers: list[float] | None = None,
         dt: float = 1 / 32,
     ) -> None:

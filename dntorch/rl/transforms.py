@@ -9,6 +9,7 @@ from torchrl.data import Composite, Unbounded
 from torchrl.envs import EnvBase, GymWrapper
 from torchrl.envs.transforms import TensorDictPrimer, Transform
 
+from dntorch.cells.functions import came_on
 from dntorch.rl.state import pack, unpack
 
 
@@ -87,15 +88,17 @@ class Report(Transform):
 
     def __init__(self) -> None:
         super().__init__()
-        self.on: Tensor | None = None
+        self.satisfaction: Tensor | None = None
 
     def _inv_call(self, tensordict: TensorDictBase) -> TensorDictBase:
         satisfaction = tensordict.get("satisfaction", None)
         if satisfaction is not None:
-            before, self.on = self.on, satisfaction > 0.5
-            came = self.on if before is None else self.on & ~before
-            if came.any():
-                world_of(self.parent).report(int(came.nonzero()[0]))
+            none = torch.zeros_like(satisfaction)
+            before = none if self.satisfaction is None else self.satisfaction
+            self.satisfaction = satisfaction.clone()
+            new = came_on(before, satisfaction)
+            if new.any():
+                world_of(self.parent).report(int(new.nonzero()[0]))
         return tensordict
 
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dntorch.colors import HUES
-from dntorch.robot.body import EPUCK, check_positive
-from dntorch.robot.images import hue
+from dntorch.body import EPUCK, check_positive
+from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE
 
 
 @dataclass(frozen=True)
@@ -102,8 +101,13 @@ def measure_hues(images: Sequence[np.ndarray], colors: str) -> dict[str, float]:
     Raises:
         ValueError: a colour is not to be seen.
     """
-    angle, saturation, value = hue(np.stack(images))
-    angle = angle[(saturation >= 90 / 255) & (value >= 40)]
+    import torch  # to measure colours as an agent sees them; driving does without
+
+    from dntorch.cells.color import hue_saturation_value
+
+    parts = hue_saturation_value(torch.from_numpy(np.stack(images)))
+    angle, saturation, value = (part.numpy() for part in parts)
+    angle = angle[(saturation >= MIN_SATURATION) & (value >= MIN_VALUE)]
     nominal = np.array([HUES[letter] for letter in colors])
     away = (angle[:, None] - nominal + 180) % 360 - 180
     nearest = np.abs(away).argmin(1)

@@ -5,7 +5,7 @@ import threading
 
 import numpy as np
 
-from dntorch.robot.body import STEPS_PER_TURN
+from dntorch.body import STEPS_PER_TURN
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.codecs import ProtocolError, rgb565
 from dntorch.robot.dialects import Dialect, Reading

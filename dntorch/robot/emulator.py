@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dntorch.robot.body import STEPS_PER_TURN, Body
+from dntorch.body import STEPS_PER_TURN, Body
 from dntorch.robot.camera import Camera
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.codecs import wifi

@@ -40,17 +40,3 @@ def resample(
         return image
     small = means(means(image, height, down).swapaxes(0, 1), width, across)
     return np.rint(small.swapaxes(0, 1)).astype(np.uint8)
-
-
-def hue(image: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Hue in degrees, saturation from 0 to 1 and value from 0 to 255, of RGB ``(*any, 3)``."""
-    red, green, blue = np.moveaxis(image.astype(np.float32), -1, 0)
-    value = np.maximum(np.maximum(red, green), blue)
-    chroma = value - np.minimum(np.minimum(red, green), blue)
-    divisor = np.maximum(chroma, 1)
-    sextant = np.where(
-        value == red,
-        (green - blue) / divisor,
-        np.where(value == green, 2 + (blue - red) / divisor, 4 + (red - green) / divisor),
-    )
-    return (60 * sextant) % 360, chroma / np.maximum(value, 1), value

@@ -12,7 +12,7 @@ import signal
 import threading
 from dataclasses import dataclass
 
-from dntorch.robot.body import EPUCK, check_positive
+from dntorch.body import EPUCK, check_positive
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.robot import Frame, Robot
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dntorch.cells.functions import is_on
 from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config
 from dntorch.experiments.trial import Trial
@@ -60,7 +61,7 @@ def _events(trial: Trial, weights: np.ndarray) -> dict[str, np.ndarray]:
     finds = np.flatnonzero(record.found[: record.length] >= 0)
     v = record.error[: record.length].astype(np.float64)
     sums = [np.diff(np.concatenate(([0], np.cumsum(x)[steps]))) * dt for x in (v, abs(v))]
-    together = (record.intention[: record.length] > 0.5).sum(1) > 1
+    together = is_on(record.intention[: record.length]).sum(1) > 1
     return {
         "steps": steps,
         "behaviors": record.reported[steps].astype(np.int64),

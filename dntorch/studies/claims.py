@@ -79,10 +79,11 @@ def _learning(r: dict, p: dict) -> list[Claim]:
     k, n = neural["optimal_given_found"]
     low = wilson(k, n)[0]
     bound = p["optimal_given_found"]["at_least_lower_bound"]
+    many = wilson(n, n)[0] >= bound
     late, found = neural["optimal_only_in_exploitation"]
     unlearned, number = r["shortcuts"]["unlearned"]
     rare = p["late_share"]["predicted_at_most"]
-    few = f" (no {bound} can be shown with {n} runs: all must be optimal)" if n < 381 else ""
+    few = f" (no {bound} can be shown with {n} runs: all must be optimal)" if not many else ""
     first, last = error["at_first_find"], error["last_40"]
     ratio = last / first if first and last is not None else None
     fell = ratio is not None and ratio <= p["td_error"]["last_against_first_at_most"]
@@ -91,7 +92,7 @@ def _learning(r: dict, p: dict) -> list[Claim]:
             p["optimal_given_found"]["paper"],
             f"P(optimal at the end | found), lower bound of at least {bound}{few}",
             share(neural, "optimal_given_found"),
-            verdict(low >= bound if n >= 381 else k == n, n > 0),
+            verdict(low >= bound if many else k == n, n > 0),
         ),
         Claim(
             p["late_share"]["paper"],

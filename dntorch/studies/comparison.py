@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from dntorch.cells.functions import is_on
 from dntorch.colors import indices
-from dntorch.experiments.config import Config
+from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.record import LOOK_BACK
 from dntorch.experiments.trial import Trial
 from dntorch.studies import discrete
@@ -15,15 +16,18 @@ from dntorch.studies.law import correlation
 from dntorch.studies.outcomes import Outcome, needed_rewards, outcome, proportion
 from dntorch.studies.predictions import predictions
 from dntorch.studies.runs import Runs
+from dntorch.studies.theory import Theory, theory
 
 
-def theory_of(config: Config) -> st.Theory:
-    """Learning rates and lambda that the parameters of a config predict."""
-    area = config.reward * config.reward_duration
-    return st.theory(
-        config.learning_rate, config.trace_tau, area, hand_over(config),
-        reward_duration=config.reward_duration,
-    )  # fmt: skip
+def theory_of(config: Config) -> Theory:
+    """Learning rates and lambda that theory expects of the agent of a config."""
+    learner = build_agent(config).learner
+    return theory(learner, hand_over(config), config.reward, config.reward_duration)
+
+
+def reference(expected: Theory) -> discrete.Learning:
+    """Discrete SARSA(lambda) as theory says that the neural learner performs it."""
+    return discrete.Learning(expected.old, min(expected.trace_decay, 1.0), expected.discount)
 
 
 def hand_over(config: Config, steps: int = 3000) -> float:
@@ -31,9 +35,9 @@ def hand_over(config: Config, steps: int = 3000) -> float:
     trial = Trial(replace(config, world="nodes", steps=steps, explore=steps))
     trial.advance(steps)
     record = trial.record
-    active = ((record.intention > 0.5).any(1)) & ((record.satisfaction > 0.5).any(1))
-    same = (record.intention > 0.5) & (record.satisfaction > 0.5)
-    active &= ~same.any(1)  # the pair (i, i) does not exist
+    running, completed = is_on(record.intention), is_on(record.satisfaction)
+    active = running.any(1) & completed.any(1)
+    active &= ~(running & completed).any(1)  # the pair (i, i) does not exist
     edges = np.flatnonzero(np.diff(active.astype(int)))
     gaps = np.diff(edges)[~active[edges[:-1] + 1]]
     return float(np.median(gaps)) * config.dt if len(gaps) else 0.5
@@ -62,7 +66,9 @@ def discrete_outcomes(
             history = discrete.explore_or_exploit(
                 kind, explored, total, config.seed, config.sequence, config.colors, chances=chances
             )
-            outcomes[name + suffix] = outcome(history.rewarded, history.policy, explored, total)
+            outcomes[name + suffix] = outcome(
+                history.rewarded, history.policy, explored, total, needed_rewards(config)
+            )
     return outcomes
 
 

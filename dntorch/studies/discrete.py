@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dntorch.colors import PAPER, indices
+from dntorch.colors import PAPER, SEQUENCE, indices
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Learning:
 
     rate: float
     trace_decay: float
-    discount: float = 0.8
+    discount: float
     replacing: bool = False
 
 
@@ -89,7 +89,7 @@ def explore_or_exploit(
     explore: np.ndarray,
     total: np.ndarray,
     seed: int,
-    sequence: str = "GBYRG",
+    sequence: str = SEQUENCE,
     colors: str = PAPER,
     chances: np.ndarray | None = None,
 ) -> History:

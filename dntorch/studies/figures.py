@@ -164,7 +164,7 @@ def learning_law(study: Study) -> Figure:
     figure = Figure(figsize=(12, 4), layout="constrained")
     law, yoked, values = figure.subplots(1, 3)
     entry = study.results["update_regression"]
-    t = transitions(study.runs, study.outcome.found)
+    t = transitions(study.runs, study.outcome.found, study.results["theory"]["discount"])
     if len(t.run):
         pick = np.random.default_rng(0).permutation(len(t.run))[:4000]
         predicted = (

@@ -24,8 +24,8 @@ class Transitions(NamedTuple):
     """weight change of the pair before the old one, nan if it is the same or unknown"""
 
 
-def transitions(runs: Runs, which: np.ndarray, discount: float = 0.8) -> Transitions:
-    """All transitions of the runs ``which`` (bool)."""
+def transitions(runs: Runs, which: np.ndarray, discount: float) -> Transitions:
+    """All transitions of the runs ``which`` (bool), of learners that ``discount`` by gamma."""
     c = runs.behaviors
     run, k = np.nonzero((c[:, 2:] >= 0) & which[:, None])
     k = k + 1

@@ -6,14 +6,11 @@ import numpy as np
 
 from dntorch.colors import indices
 from dntorch.envs.task import SequenceTask
-from dntorch.experiments.config import Config
-from dntorch.experiments.record import LOOK_BACK, SHARE
+from dntorch.experiments.config import Config, build_agent
+from dntorch.experiments.record import LOOK_BACK, enough
 from dntorch.studies.discrete import executes
 from dntorch.studies.runs import Runs
 from dntorch.studies.statistics import summary, wilson
-
-BASELINE = 1e-3
-"""Innate preference of the value nodes, which decides where nothing has been learned."""
 
 
 class Outcome(NamedTuple):
@@ -32,15 +29,19 @@ class Outcome(NamedTuple):
 
 
 def policies(weights: np.ndarray, config: Config) -> np.ndarray:
-    """Whether the greedy choice by values ``[..., state, action]`` executes the sequence."""
-    n = weights.shape[-1]
-    wanted = np.maximum(weights, 0) + BASELINE * (1 + np.arange(n) / n)
-    choice = np.where(np.eye(n, dtype=bool), -np.inf, wanted).argmax(-1)
+    """Whether the greedy choice by values ``[..., state, action]`` executes the sequence.
+
+    Where nothing has been learned, the innate preference of the value nodes decides.
+    """
+    preference = build_agent(config).value_nodes.baseline.double().numpy()
+    wanted = np.maximum(weights, 0) + preference
+    choice = np.where(np.eye(len(preference), dtype=bool), -np.inf, wanted).argmax(-1)
     return executes(choice, np.array(indices(config.sequence, config.colors)))
 
 
 def needed_rewards(config: Config) -> int:
-    return int(SHARE * LOOK_BACK / SequenceTask(config.sequence, config.colors).period)
+    """Rewards within the last `LOOK_BACK` behaviours that make a run optimal."""
+    return enough(SequenceTask(config.sequence, config.colors).period)
 
 
 def outcome(
@@ -48,11 +49,12 @@ def outcome(
     policy: np.ndarray,
     explored: np.ndarray,
     total: np.ndarray,
-    needed_rewards: int = 9,
+    needed_rewards: int,
 ) -> Outcome:
     """Judge runs of ``total`` behaviours, the first ``explored`` of them random.
 
-    ``policy`` (runs, T) says whether the values after each behaviour execute the sequence.
+    ``policy`` (runs, T) says whether the values after each behaviour execute the sequence;
+    ``needed_rewards`` within the last `LOOK_BACK` behaviours make a run optimal.
     """
     column = np.arange(rewarded.shape[1])
     exploring = column < explored[:, None]

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.utils._pytree import tree_map
 
+from dntorch.cells.functions import came_on, is_on
 from dntorch.envs.nodes import NodesState
 from dntorch.experiments import checkpoint
 from dntorch.experiments.worlds import build_task
@@ -118,12 +119,12 @@ class Population:
         self.world.durations, self.world.first = chance.duration, chance.visit
         outcome, world = self.world.step(intention, running.world)
         after = self.agent.behaviors.satisfaction.output(agent.behaviors.satisfaction)
-        risen = (after > 0.5) & (before <= 0.5)
+        risen = came_on(before, after)
         error = agent.learner.opposition.error
         error = running.error + self.config.dt * torch.stack((error, error.abs()))
         weights = agent.learner.values.weights if self.group.keep_weights else None
         log = write(running.log, running.step, risen, error, outcome, weights)
-        trouble = torch.stack(((intention > 0.5).sum(-1) > 1, ~(after > 0.5).any(-1)))
+        trouble = torch.stack((is_on(intention).sum(-1) > 1, ~is_on(after).any(-1)))
         return Running(
             running.step + 1,
             outcome.observation,

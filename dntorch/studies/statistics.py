@@ -1,10 +1,10 @@
-"""Statistics that can fail, and what theory expects of the neural learner."""
+"""Statistics that can fail."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import stats
 
 ALPHA = 0.05
 """Level of every test."""
@@ -19,25 +19,6 @@ class Fit(NamedTuple):
     r2: float
     """share of the variance about the mean that is explained"""
     count: int
-
-
-class Theory(NamedTuple):
-    """What the learner's parameters say about the SARSA(lambda) that it performs."""
-
-    decay: float
-    """of the trace at each transition, gamma lambda"""
-    trace_decay: float
-    """lambda"""
-    width: float
-    """s, of a pulse above the threshold"""
-    settled: float
-    """learning rate a transition if the trace of the old pair held still: eta (1 - decay) width"""
-    old: float
-    """expected coefficient of -Q(s,a): the same, with the trace that fades under the new pulse"""
-    next: float
-    """expected coefficient of gamma Q(s',a')"""
-    reward: float
-    """expected weight change by a reward: eta (1 - decay) times the reward's area, fading"""
 
 
 def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -148,73 +129,3 @@ def mean_interval(values: np.ndarray) -> tuple[float, float]:
         return -math.inf, math.inf
     half = stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))
     return float(values.mean() - half), float(values.mean() + half)
-
-
-def pulse_above(threshold: float, tau: float) -> tuple[float, float, float]:
-    """Begin, end and area of the pulse (t/tau) exp(-t/tau) while it is above ``threshold``.
-
-    >>> [round(x, 3) for x in pulse_above(0.05, 0.5)]
-    [0.026, 2.25, 0.469]
-    """
-    if not 0 < threshold < 1 / math.e:
-        raise ValueError(f"threshold={threshold}: a pulse has its peak at 1/e, give less, above 0")
-
-    def above(x: float) -> float:
-        return x * math.exp(-x) - threshold
-
-    begin, end = optimize.brentq(above, 0, 1), optimize.brentq(above, 1, 100)
-    area = tau * ((1 + begin) * math.exp(-begin) - (1 + end) * math.exp(-end))
-    return begin * tau, end * tau, area
-
-
-def theory(
-    learning_rate: float,
-    tau_trace: float,
-    reward_area: float,
-    gap: float,
-    excitation: float = 1.1,
-    tau_pulse: float = 0.5,
-    threshold: float = 0.05,
-    discount: float = 0.8,
-    tau_opposition: float = 0.1,
-    tau_error: float = 0.1,
-    reward_duration: float = 1.0,
-) -> Theory:
-    """Effective learning rates and lambda from parameters alone.
-
-    A pulse of area A multiplies all other items of a settled memory by exp(-alpha A / tau).
-    The old pair learns while its offset pulse and the onset pulse of the new pair, ``gap``
-    seconds later, are above threshold; meanwhile the new pulse makes its trace fade.
-    """
-    begin, end, area = pulse_above(threshold, tau_pulse)
-    decay = math.exp(-excitation * area / tau_trace)
-    dt = 1e-3
-    t = np.arange(0, end + gap + 10 * (tau_opposition + tau_error), dt)
-    x = np.clip(t - gap, 0, None) / tau_pulse
-    pulse = x * np.exp(-x)
-    pulse[pulse <= threshold] = 0
-    trace = (1 - decay) * np.exp(-excitation * np.cumsum(pulse) * dt / tau_trace)
-
-    def response(start: float, stop: float) -> float:
-        gate = ((t > start) & (t <= stop)).astype(float)
-        for tau in (tau_opposition, tau_error):
-            gate = _low_pass(gate, tau, dt)
-        return float((gate * trace).sum() * dt)
-
-    rate, paid = learning_rate, t < reward_duration
-    reward = reward_area / reward_duration * float(trace[paid].sum() * dt)
-    return Theory(
-        decay,
-        decay / discount,
-        end - begin,
-        rate * (1 - decay) * (end - begin),
-        rate * response(begin, end),
-        rate * response(begin + gap, end + gap),
-        rate * reward,
-    )
-
-
-def _low_pass(signal: np.ndarray, tau: float, dt: float) -> np.ndarray:
-    from scipy.signal import lfilter
-
-    return lfilter([dt / tau], [1, dt / tau - 1], signal)

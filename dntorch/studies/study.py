@@ -7,10 +7,16 @@ import numpy as np
 
 import dntorch
 from dntorch.experiments.config import Config
+from dntorch.experiments.record import LOOK_BACK
 from dntorch.experiments.results import commit
-from dntorch.studies import discrete
 from dntorch.studies import statistics as st
-from dntorch.studies.comparison import discrete_outcomes, equivalence, theory_of, yoked
+from dntorch.studies.comparison import (
+    discrete_outcomes,
+    equivalence,
+    reference,
+    theory_of,
+    yoked,
+)
 from dntorch.studies.law import measured_decay, transition_counts, transitions, update_regression
 from dntorch.studies.outcomes import Outcome, describe, neural_outcome
 from dntorch.studies.runs import Runs
@@ -35,7 +41,7 @@ def measure(config: Config, runs: Runs, single: Runs | None) -> Study:
     result, explored, total = neural_outcome(runs, config)
     counts = transition_counts(runs, config.explore, len(config.colors))
     expected = theory_of(config)
-    learning = discrete.Learning(expected.old, min(expected.trace_decay, 1.0))
+    learning = reference(expected)
     learners = discrete_outcomes(config, learning, explored, total, counts)
     outcomes = {"neural": result} | learners
     if single is not None:
@@ -58,7 +64,7 @@ def measure(config: Config, runs: Runs, single: Runs | None) -> Study:
     results |= {
         "equivalence": equivalence(result, learners),
         "theory": expected._asdict(),
-        "update_regression": learning_law(runs, result, config),
+        "update_regression": learning_law(runs, result, config, expected.discount),
         "transition_counts": counts,
         "exploration": exploration(counts, config),
         "errors_of_the_world": {
@@ -66,16 +72,16 @@ def measure(config: Config, runs: Runs, single: Runs | None) -> Study:
             "steps_with_two_intentions": int(runs.trouble[0].sum()),
             "steps_without_state": int(runs.trouble[1].sum()),
         },
-        "td_error": td_error(config, runs, result, total),
+        "td_error": td_error(config, runs, result, total, expected.width),
         "shortcuts": shortcuts(config, runs, result, explored),
     }
     results |= yoked(runs, result, explored, learning)
     return Study(config, runs, result, explored, total, results)
 
 
-def learning_law(runs: Runs, result: Outcome, config: Config) -> dict[str, Any]:
+def learning_law(runs: Runs, result: Outcome, config: Config, discount: float) -> dict[str, Any]:
     """The regression of the weight change of old pairs, and the decay of their trace."""
-    t = transitions(runs, result.found)
+    t = transitions(runs, result.found, discount)
     entry = {}
     for name, select in (
         ("", None),
@@ -91,7 +97,7 @@ def learning_law(runs: Runs, result: Outcome, config: Config) -> dict[str, Any]:
     decay = measured_decay(t)
     return entry | {
         "decay": float(decay.coefficients[0]),
-        "lambda": float(decay.coefficients[0] / 0.8),
+        "lambda": float(decay.coefficients[0] / discount),
         "decay_transitions": decay.count,
     }
 
@@ -115,12 +121,13 @@ def exploration(counts: np.ndarray, config: Config) -> dict[str, Any]:
     }
 
 
-def td_error(config: Config, runs: Runs, result: Outcome, total: np.ndarray) -> dict[str, Any]:
+def td_error(
+    config: Config, runs: Runs, result: Outcome, total: np.ndarray, width: float
+) -> dict[str, Any]:
     """Mean size of the TD error per transition, over time; of runs that found the sequence.
 
-    The integral of reward plus value cell over a transition, by the width of a pulse.
+    The integral of reward plus value cell over a transition, by the ``width`` of a pulse in s.
     """
-    width = theory_width()
     area = config.reward * config.reward_duration
     v = runs.error[:, 1:, 0]
     delta = abs(v + area * runs.rewarded[:, :-1]) / width
@@ -134,7 +141,8 @@ def td_error(config: Config, runs: Runs, result: Outcome, total: np.ndarray) -> 
         number, _ = np.histogram(step[chosen], edges)
         curves[name] = total_size / np.maximum(number, 1)
     column = np.arange(delta.shape[1])
-    last = (column >= total[:, None] - 41) & (column < total[:, None] - 1) & found & (step >= 0)
+    end = total[:, None] - 1
+    last = (column >= end - LOOK_BACK) & (column < end) & found & (step >= 0)
     paid = last & runs.rewarded[:, :-1]
     which = np.flatnonzero(result.found)
     first = delta[which, result.first[which].clip(max=delta.shape[1] - 1)]
@@ -145,11 +153,6 @@ def td_error(config: Config, runs: Runs, result: Outcome, total: np.ndarray) -> 
         "bins": BINS,
         "curves": curves,
     }
-
-
-def theory_width() -> float:
-    begin, end, _ = st.pulse_above(0.05, 0.5)
-    return end - begin
 
 
 def shortcuts(config: Config, runs: Runs, result: Outcome, explored: np.ndarray) -> dict[str, Any]:

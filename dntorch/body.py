@@ -7,12 +7,12 @@ count counter-clockwise.
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
-
-import numpy as np
 
 #: Motor steps in one turn of a wheel.
 STEPS_PER_TURN = 1000
+
+#: rad/s, fastest turning of a wheel: 1000 motor steps/s, rounded down.
+FASTEST = 6.28
 
 
 def check_positive(**quantities: float) -> None:
@@ -42,7 +42,7 @@ class Body:
     mass: float = 0.15
     """kg, all together"""
     speed_cap: float = 1.26
-    """rad/s, largest wheel speed that is obeyed (200 motor steps/s; the motors could do 6.28)"""
+    """rad/s, largest wheel speed that is obeyed (200 motor steps/s, a fifth of `FASTEST`)"""
     camera: tuple[float, float, float] = (0.030, 0.0, 0.028)
     """m, place of the camera, which looks along +x"""
     fov: float = 0.84
@@ -82,19 +82,5 @@ class Body:
         return -speed, speed
 
 
-#: The e-puck of Webots.
+#: The e-puck of Webots: the body of the simulated robot, and the one that agents expect.
 EPUCK = Body()
-
-
-class Pose(NamedTuple):
-    """Where a robot is."""
-
-    position: np.ndarray
-    """m, of the robot's frame, ``(3,)``"""
-    rotation: np.ndarray
-    """from the robot's frame to the world's, ``(3, 3)``"""
-
-    @property
-    def yaw(self) -> float:
-        """rad, counter-clockwise from the world's x axis, in (-pi, pi]"""
-        return math.atan2(self.rotation[1, 0], self.rotation[0, 0])
