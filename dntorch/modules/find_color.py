@@ -83,7 +83,7 @@ class FindColor(Sensorimotor[ColorState]):
     fixed = ("dt", "fov", "min_saturation", "min_value")
 
     SALIENCE: Final[float] = 4.0  # a quarter of a column in one hue is as salient as all of it
-    PERCEPT_GAIN: Final[float] = 4.0  # neither percept nor intention lifts a field above threshold alone
+    PERCEPT_GAIN: Final[float] = 4.0  # neither lifts a field above threshold alone
     INTENTION_GAIN: Final[float] = 2.5
     CENTER_GAIN: Final[float] = 4.0  # from perception to the CoS field
     HEADING_GAIN: Final[float] = 8.0  # from perception to the heading field
