@@ -121,16 +121,19 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
 
     def __init__(self, dt: float) -> None:
         super().__init__()
-        self.dt = dt
-        if not self.dt > 0:
+        if isinstance(dt, (int, float)) and not dt > 0:
             raise ValueError(f"dt={dt} must be positive: give seconds per step, such as dt=1/32")
+        self.dt = dt
         self.register_buffer("origin", torch.zeros(()), persistent=False)
 
     def check(self) -> None:
         """Raise unless the parameters fit each other; called when one of them was set."""
 
     def _complete(self) -> None:
-        """The end of construction: check, and allocate activation for the batch of the numbers."""
+        """The end of construction: check, and allocate activation.
+
+        The batch is that of numbers per agent and of parts that have learned in a batch.
+        """
         for name in self._memory():
             if name not in self.lasting:
                 raise ValueError(
@@ -140,8 +143,11 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
         self.check()
         self._rank = {name: buffer.dim() for name, buffer in self._memory().items()}
         self._ready = True
-        shapes = [number.shape for part in self.structures() for number in part._numbers().values()]
         _refuse_coarse_memory(self, self.origin.dtype)
+        shapes = [number.shape for part in self.structures() for number in part._numbers().values()]
+        for part, name in _memories(self):  # of parts that have a batch already
+            memory = part._buffers[name]
+            shapes.append(memory.shape[: memory.dim() - part._rank[name]])
         self.resize(*torch.broadcast_shapes(*shapes))
 
     @torch.jit.unused
@@ -291,7 +297,7 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
         """
         batch = tuple(self.origin.shape)
         if not batch:
-            raise ValueError(f"index={index}: there is no batch, nothing to select")
+            raise ValueError(f"index={index}: there is one set of weights only, nothing to select")
         count = math.prod(batch)
         if not -count <= index < count:
             raise ValueError(f"index={index}: give one of 0 to {count - 1}, the batch has {count}")

@@ -83,12 +83,7 @@ def gauss_matrix(
     else:
         taps = bell(sites - shift)
         total = bell(sites - (shift - round(float(shift)))).sum()  # in the field or beyond it
-    if not bool(taps.any()):
-        raise ValueError(
-            f"sigma={float(sigma):g} and shift={float(shift):g} leave no effect on a field of {n} "
-            "sites: take a larger sigma, or a shift within the field"
-        )
-    if normalized:
+    if normalized and bool(total > 0):
         taps = taps / total
     return taps.unfold(0, n, 1).flip(-1)
 
@@ -145,6 +140,11 @@ def _gauss_matrices(term: Gauss, shape: list[int], borders: tuple) -> list[Tenso
         gauss_matrix(n, *rest, term.cutoff, term.normalized)
         for n, *rest in zip(shape, sigma, borders, shift, strict=True)
     ]
+    if not all(bool(matrix.any()) for matrix in matrices):
+        raise ValueError(
+            f"no site has an effect on any other in a field of {shape}: take a larger sigma, or a "
+            "shift within the field"
+        )
     return [term.amplitude * matrices[0], *matrices[1:]]
 
 

@@ -81,6 +81,7 @@ class DNF(Dynamics[FieldState]):
     __jit_unused_properties__ = ("kernel",)
     settable = ("kind", "substeps", "integrator")
     u: Tensor
+    shape: list[int]
     kernel_0: Tensor
     kernel_1: Tensor
     kernel_2: Tensor

@@ -43,6 +43,7 @@ class TPCell(Dynamics[TransientState]):
 
     pulse: Tensor
     inhibitory: Tensor
+    shape: list[int]
 
     def __init__(self, shape: tuple[int, ...], tau: Number = 0.5, dt: float = 1 / 32) -> None:
         super().__init__(dt)

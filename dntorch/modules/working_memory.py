@@ -76,8 +76,8 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
         (shortest, _), (_, gain) = span(self.tau), span(self.excitation + self.feedback)
         if self.dt * gain > shortest:
             raise ValueError(
-                f"dt={self.dt} with tau={shortest}: two pulses at once would be cut short; take "
-                f"dt <= {shortest / gain:.4g}"
+                f"dt={self.dt} with tau={shortest}: activity could leave [0, 1]; take dt <= "
+                f"{shortest / gain:.4g}"
             )
 
     def initial(self, batch: list[int]) -> WorkingMemoryState:
