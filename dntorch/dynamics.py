@@ -229,14 +229,24 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
             raise ValueError(f"{name}={value} is not finite: give a number")
         return number
 
+    @classmethod
+    def _numeric(cls) -> list[str]:
+        """Names of the parameters that are numbers."""
+        return [name for name, argument in cls._arguments.items() if _is_number(argument)]
+
     def _numbers(self) -> dict[str, Tensor]:
         """Parameters that are tensors, one number per agent."""
         held = {**self._buffers, **self._parameters}
-        return {
-            name: held[name]
-            for name, argument in self._arguments.items()
-            if _is_number(argument) and isinstance(held.get(name), Tensor)
+        return {k: held[k] for k in self._numeric() if isinstance(held.get(k), Tensor)}
+
+    def extra_repr(self) -> str:
+        """The parameters, for ``print``."""
+        held = {
+            name: getattr(self, name)
+            for name in self._arguments
+            if name not in self._modules and hasattr(self, name)
         }
+        return ", ".join(f"{name}={value!r}" for name, value in held.items())
 
     def _refuse_misspelling(self, name: str) -> None:
         if hasattr(self, name):
@@ -483,8 +493,8 @@ def check_time_constant(name: str, tau: Number, dt: float) -> None:
 
 def check_positive(name: str, number: Number, remedy: str = "give a number above 0") -> None:
     """Raise unless a number, or each of many, is above zero."""
-    low, _ = span(number)
-    if not low > 0:
+    low = None if number is None else span(number)[0]
+    if low is None or not low > 0:
         raise ValueError(f"{name}={low} must be positive: {remedy}")
 
 

@@ -83,6 +83,8 @@ class HebbianQ(Dynamics[HebbianState]):
     ) -> HebbianState:
         check_ends("active", active, [self.n, self.n])
         check_ends("trace", trace, [self.n, self.n])
+        check_ends("error", error, [])
+        check_ends("reward", reward, [])
         if reward.dim() > 0 and reward.shape != error.shape:
             raise ValueError(
                 f"reward of shape {list(reward.shape)} does not fit the batch "

@@ -77,7 +77,7 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
         if self.dt * gain > shortest:
             raise ValueError(
                 f"dt={self.dt} with tau={shortest}: activity could leave [0, 1]; take dt <= "
-                f"{shortest / gain:.4g}"
+                f"{shortest / gain:.4g}, or less excitation and feedback"
             )
 
     def initial(self, batch: list[int]) -> WorkingMemoryState:
