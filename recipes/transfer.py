@@ -65,13 +65,8 @@ def artefact(folder: Path) -> Act:
     """An exported agent as something that drives."""
     agent, nodes = run_agent.load(folder, "onnx"), "behaviors.satisfaction.u"
     agent.learn(False)
-    threshold = agent.manifest["decisions"][nodes]  # of the activation, where the rate is 1/2
-    report = Onset(agent.state()[nodes].size)
-
-    def act(image, reward):
-        return agent.act(image, reward), report(agent.state()[nodes] > threshold)
-
-    return act
+    half, report = agent.manifest["decisions"][nodes], Onset(agent.state()[nodes].size)
+    return lambda image, reward: (agent.act(image, reward), report(agent.state()[nodes] > half))
 
 
 def drive(run: Path, folder: Path, job: tuple[str, str, int], film: Path | None = None) -> dict:
