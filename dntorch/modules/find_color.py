@@ -10,8 +10,9 @@ from dntorch.cells.color import hue_columns
 from dntorch.cells.field import FieldState
 from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
 from dntorch.cells.kernels import Gauss, Global, gauss_matrix
+from dntorch.checks import check_ends, check_positive
 from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE, PAPER, check_colors
-from dntorch.dynamics import check_ends, check_parts, check_positive
+from dntorch.dynamics import check_parts
 from dntorch.modules.field import DNF
 from dntorch.modules.sensorimotor import Sensorimotor
 

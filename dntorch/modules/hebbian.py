@@ -5,7 +5,8 @@ from torch import Tensor
 
 from dntorch.cells.hebbian import HebbianState, hebbian_step
 from dntorch.cells.number import Number
-from dntorch.dynamics import Dynamics, check_ends, check_positive, extended
+from dntorch.checks import check_ends, check_positive
+from dntorch.dynamics import Dynamics, extended
 
 
 class HebbianQ(Dynamics[HebbianState]):

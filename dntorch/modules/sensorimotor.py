@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from dntorch import declare
-from dntorch.dynamics import Dynamics, check_positive
+from dntorch.checks import check_positive
+from dntorch.dynamics import Dynamics
 
 S = TypeVar("S")
 

@@ -4,7 +4,8 @@ from torch import Tensor
 
 from dntorch.cells.number import Number, span, wide
 from dntorch.cells.working_memory import WorkingMemoryState, working_memory_step
-from dntorch.dynamics import Dynamics, check_ends, check_time_constant
+from dntorch.checks import check_ends, check_time_constant
+from dntorch.dynamics import Dynamics
 
 
 class ItemOrderWM(Dynamics[WorkingMemoryState]):
