@@ -10,15 +10,14 @@ Activation is forgotten by `reset` and is in no checkpoint; *long-term memory* (
 values, memory traces) is a persistent buffer that only an explicit call erases.
 """
 
-import copy
-import math
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import torch
 from torch import Tensor, nn
 
 from dntorch import declare
-from dntorch.parameters import Parameters, check_batch
+from dntorch.memory import Memory
+from dntorch.parameters import check_batch
 
 S = TypeVar("S")
 
@@ -34,7 +33,7 @@ class _Complete(type):
             return structure
 
 
-class Dynamics(Parameters, Generic[S], metaclass=_Complete):
+class Dynamics(Memory, Generic[S], metaclass=_Complete):
     """Base of all structures. A subclass declares its state, and writes what is its own::
 
         class NodeState(NamedTuple):
@@ -82,14 +81,14 @@ class Dynamics(Parameters, Generic[S], metaclass=_Complete):
     snapshot and is split by ``select``. A name that is nearly that of a parameter is refused;
     all other attributes are free, for tools that hang something on modules.
 
-    Attributes:
-        dt: duration of one step, in seconds.
-        origin: zeros of the batch's shape; carries batch, dtype and device of the activation.
-        lasting: names of buffers that outlive ``reset``: long-term memory (persistent) and
-            counts over the life of an agent (not persistent).
-    """
+    **Long-term memory** is any persistent buffer; ``lasting`` names it, and counts. It outlives
+    ``reset``, and ``spread``, ``select`` and ``forget`` follow the parts.
 
-    lasting: ClassVar[tuple[str, ...]] = ()
+    Attributes:
+        dt: duration of one step, in seconds; that of all parts (``dt / substeps`` of a structure
+            with sub-steps).
+        origin: zeros of the batch's shape; carries batch, dtype and device of the activation.
+    """
 
     if TYPE_CHECKING:
         state: S
@@ -121,26 +120,18 @@ class Dynamics(Parameters, Generic[S], metaclass=_Complete):
 
         The batch is that of numbers per agent and of parts that have learned in a batch.
         """
-        for name in self._memory():
-            if name not in self.lasting:
-                raise ValueError(
-                    f"{name} is a persistent buffer, long-term memory: name it in "
-                    f"{type(self).__name__}.lasting, or register it with persistent=False"
-                )
-        self.check()
-        self._rank = {name: buffer.dim() for name, buffer in self._memory().items()}
+        self._check_all()
+        self._note_memory()
         self._ready = True
-        _refuse_coarse_memory(self, self.origin.dtype)
-        shapes = [number.shape for part in self.structures() for number in part._numbers().values()]
-        for part, name in _memories(self):  # of parts that have a batch already
-            memory = part._buffers[name]
-            shapes.append(memory.shape[: memory.dim() - part._rank[name]])
-        self.resize(*torch.broadcast_shapes(*shapes))
+        self.resize(*self._own_batch())
 
-    @torch.jit.unused
-    def structures(self) -> "list[Dynamics]":
-        """This structure and all that it is composed of."""
-        return [part for part in self.modules() if isinstance(part, Dynamics)]
+    def _check_all(self) -> None:
+        """`check`, and that all parts step together."""
+        dt = self.dt / max(getattr(self, "substeps", 1), 1)
+        for name, part in _direct_parts(self):
+            if abs(part.dt - dt) > 1e-9 * dt:
+                raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
+        self.check()
 
     # ------------------------------------------------------------- batch
 
@@ -159,66 +150,9 @@ class Dynamics(Parameters, Generic[S], metaclass=_Complete):
                 for name, value in state._asdict().items():
                     if isinstance(value, Tensor) and name not in self._memory():
                         self.register_buffer(name, value, persistent=False)
-        for part in _direct_parts(self):
+        for _, part in _direct_parts(self):
             part.resize(*batch)
         return self
-
-    @torch.jit.unused
-    def spread(self, *batch: int) -> "Dynamics[S]":
-        """Resize to ``batch``, each member with a copy of the long-term memory, to learn alone."""
-        check_batch(self, list(batch))
-        spread = [(part, name, part._spread(name, batch)) for part, name in _memories(self)]
-        for part, name, memory in spread:
-            part.register_buffer(name, memory)
-        return self.resize(*batch)
-
-    def _spread(self, name: str, batch: tuple[int, ...]) -> Tensor:
-        memory = self._buffers[name]
-        own = list(memory.shape[: memory.dim() - self._rank[name]])
-        if list(batch)[len(batch) - len(own) :] != own:
-            raise ValueError(
-                f"batch={list(batch)} does not fit {name} of batch {own}: call select(k) to keep "
-                "that of one first"
-            )
-        with torch.inference_mode(False):
-            return memory.expand(*batch, *memory.shape[len(own) :]).clone()
-
-    @torch.jit.unused
-    def select(self, index: int) -> "Dynamics[S]":
-        """A new structure without batch, at rest, with what one member of a batch learned.
-
-        Numbers per agent become that agent's, counts go on. Members count from 0 over all
-        dimensions of the batch.
-        """
-        batch = tuple(self.origin.shape)
-        if not batch:
-            raise ValueError(f"index={index}: there is one set of weights only, nothing to select")
-        count = math.prod(batch)
-        if not -count <= index < count:
-            raise ValueError(f"index={index}: give one of 0 to {count - 1}, the batch has {count}")
-
-        def one(tensor: Tensor, rank: int) -> Tensor:
-            own = tensor.shape[tensor.dim() - rank :]
-            return tensor.expand(*batch, *own).reshape(count, *own)[index].clone()
-
-        with torch.inference_mode(False):
-            structure = copy.deepcopy(self)
-            for part in structure.structures():
-                for name in part.lasting:
-                    buffer = part._buffers[name]
-                    rank = part._rank.get(name, buffer.dim() - len(batch))
-                    kept = one(buffer, rank)
-                    part.register_buffer(name, kept, name in part._memory())
-                for name, number in part._numbers().items():
-                    value = one(number.detach(), 0)
-                    learned = isinstance(number, nn.Parameter)
-                    part._place(name, nn.Parameter(value) if learned else float(value))
-            return structure.resize()
-
-    def _memory(self) -> dict[str, Tensor]:
-        """Long-term memory of this structure itself, without its parts."""
-        fading = self._non_persistent_buffers_set
-        return {name: x for name, x in self._buffers.items() if name not in fading}
 
     # ------------------------------------------------------------- copies
 
@@ -254,11 +188,6 @@ class Dynamics(Parameters, Generic[S], metaclass=_Complete):
                 tensor = tensor.clone()
         super().register_buffer(name, tensor, persistent)
 
-    def _apply(self, fn: Any, recurse: bool = True) -> "Dynamics[S]":
-        with torch.inference_mode(False):
-            _refuse_coarse_memory(self, fn(torch.zeros((), dtype=self.origin.dtype)).dtype)
-            return super()._apply(fn, recurse)
-
     def __getstate__(self) -> dict[str, Any]:
         # A kernel made of tensors that want gradients is a buffer within their graph.
         cut = {k: x if x is None else x.detach() for k, x in self._buffers.items()}
@@ -270,52 +199,18 @@ class Dynamics(Parameters, Generic[S], metaclass=_Complete):
             self.register_buffer(name, buffer, name in self._memory())
 
 
-def _direct_parts(module: nn.Module) -> list[Dynamics]:
-    """Structures below a module that are in no other structure below it."""
+def _direct_parts(module: nn.Module, prefix: str = "") -> list[tuple[str, Dynamics]]:
+    """Structures below a module that are in no other structure below it, with their names."""
     parts = []
-    for child in module.children():
-        parts += [child] if isinstance(child, Dynamics) else _direct_parts(child)
+    for name, child in module.named_children():
+        single = isinstance(child, Dynamics)
+        path = prefix + name
+        parts += [(path, child)] if single else _direct_parts(child, path + ".")
     return parts
 
 
-def _memories(structure: Dynamics) -> list[tuple[Dynamics, str]]:
-    return [(part, name) for part in structure.structures() for name in part._memory()]
-
-
-def _refuse_coarse_memory(structure: Dynamics, dtype: torch.dtype) -> None:
-    if dtype in (torch.float16, torch.bfloat16) and _memories(structure):
-        _, name = _memories(structure)[0]
-        raise ValueError(
-            f"dtype={dtype} is too coarse for {name}: learned values would stand still, since "
-            "what a step adds is rounded away; keep float32 or float64"
-        )
-
-
-def check_parts(whole: Dynamics, n: int, dt: float) -> None:
-    """Raise unless the parts of a composite are for ``n`` behaviours and step by ``dt``."""
+def check_parts(whole: Dynamics, n: int) -> None:
+    """Raise unless the parts of a composite are for ``n`` behaviours."""
     for name, part in whole.named_children():
-        if not isinstance(part, Dynamics):
-            continue
-        if abs(part.dt - dt) > 1e-9 * dt:
-            raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
         if getattr(part, "n", n) != n:
             raise ValueError(f"{name}.n={part.n} does not fit n={n}: build the part with n={n}")
-
-
-def extended(memory: Tensor, rank: int, batch: list[int]) -> Tensor:
-    """Long-term memory with ``rank`` dimensions of its own for each member of ``batch``."""
-    own = list(memory.shape[: memory.dim() - rank])
-    if batch[len(batch) - len(own) :] != own:
-        raise ValueError(
-            f"batch={batch} does not fit weights of batch {own}: call select(k) to keep those "
-            "of one first"
-        )
-    return memory.expand(batch + list(memory.shape[memory.dim() - rank :])).clone()
-
-
-def counted(count: Tensor, batch: list[int]) -> Tensor:
-    """Counts go on for each member of ``batch``, or begin at 0 if these are other agents."""
-    own = list(count.shape)
-    if batch[len(batch) - len(own) :] != own:
-        return torch.zeros(batch, dtype=count.dtype, device=count.device)
-    return count.expand(batch).clone()

@@ -60,7 +60,7 @@ class Parameters(nn.Module):
         part = isinstance(value, nn.Module)
         try:
             self._place(name, value)
-            self.check()
+            self._check_all()
             check_batch(self, list(self.origin.shape))
             if name in self.fixed or not (numeric or part or name in self.settable):
                 raise ValueError(

@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.utils._pytree import tree_map
 
 from dntorch import DNF, DNSarsa, Dynamics, Exploration, HebbianQ, ItemOrderWM
-from dntorch.dynamics import extended
+from dntorch.memory import extended
 
 LEARNING = over({name: case for name, case in CASES.items() if case.remembers})
 

@@ -6,7 +6,8 @@ from torch import Tensor
 from dntorch.cells.hebbian import HebbianState, hebbian_step
 from dntorch.cells.number import Number
 from dntorch.checks import check_ends, check_positive
-from dntorch.dynamics import Dynamics, extended
+from dntorch.dynamics import Dynamics
+from dntorch.memory import extended
 
 
 class HebbianQ(Dynamics[HebbianState]):

@@ -87,7 +87,7 @@ class Learner(Dynamics[LearnerState]):
             raise ValueError(
                 f"coincidence_threshold={low if low <= 0 else high}: give a number between 0 and 1"
             )
-        check_parts(self, self.n, self.dt)
+        check_parts(self, self.n)
         n, shape = self.n, tuple(self.pulses.shape)
         if shape != (n, n):
             raise ValueError(f"pulses.shape={shape} does not fit: build TPCell(({n}, {n}))")

@@ -56,12 +56,6 @@ class Repertoire(Sensorimotor[dict[str, Tensor]]):
         self.n = sum(part.n for part in parts)
         self.senses = tuple(dict.fromkeys(name for part in parts for name in part.senses))
 
-    def check(self) -> None:
-        super().check()
-        for k, part in enumerate(self.parts):
-            if abs(part.dt - self.dt) > 1e-9 * self.dt:
-                raise ValueError(f"parts[{k}].dt={part.dt} does not fit dt={self.dt}")
-
     @property
     def state(self) -> dict[str, Tensor]:
         state: dict[str, Tensor] = {}
