@@ -68,8 +68,8 @@ def artefact(folder: Path) -> Act:
     threshold = agent.manifest["decisions"][nodes]  # of the activation, where the rate is 1/2
     report = Onset(agent.state()[nodes].size)
 
-    def act(image, reward):
-        return agent.act(image, reward), report(agent.state()[nodes] > threshold)
+    def act(observation, reward):
+        return agent.act(observation["image"], reward), report(agent.state()[nodes] > threshold)
 
     return act
 
