@@ -26,9 +26,9 @@ class HardwareEnv(gymnasium.Env):
     Action and observation are those of ``EPuckEnv``: wheel speeds in rad/s; ``image``,
     ``wheels`` and ``proximity``, or only those that ``senses`` names. Images are corrected and
     shown as the camera of ``body`` would see them, so that a block is as wide as the agent
-    expects; what lies beyond the true camera's view is black. One step takes ``dt`` seconds of the clock. Nobody knows the
-    truth here, so there is no ``bearing``; what counts as found is what the agent reports,
-    before the step, or a key press that is rewarded by itself.
+    expects; what lies beyond the true camera's view is black. One step takes ``dt`` seconds of
+    the clock. Nobody knows the truth here, so there is no ``bearing``; what counts as found is
+    what the agent reports, before the step, or a key press that is rewarded by itself.
 
     ============ ======== ===============================================================
     info         dtype    meaning

@@ -71,7 +71,7 @@ class Nodes:
     def __init__(self, config: Config, senses: tuple[str, ...] | None = None) -> None:
         for name in senses or ():
             if name != "match":
-                raise ValueError(f"senses={senses}: {name!r} is none, give ('match',)")
+                raise ValueError(f"senses={senses}: {name!r} is unknown, give ('match',)")
         self.world = NodesWorld(build_task(config), config.seed)
         self.state = self.world.initial()
 
