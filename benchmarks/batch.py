@@ -86,7 +86,8 @@ class Modules:
 
     @torch.inference_mode()
     def step(self, match: np.ndarray, reward: np.ndarray) -> None:
-        inputs = torch.from_numpy(match), torch.from_numpy(reward), self.noise
+        seen = {"match": torch.from_numpy(match)}
+        inputs = seen, torch.from_numpy(reward), self.noise
         self.state = self.run(*inputs, self.state)[1]
 
     @property

@@ -21,9 +21,9 @@ from dntorch.rl import AgentPolicy, epuck, nodes
 
 
 def collector(config: Config, frames: int, carried: bool = False, **options):
-    make, observation = (epuck, "image") if config.world == "epuck" else (nodes, "match")
+    make = epuck if config.world == "epuck" else nodes
     agent, exploration = build_agent(config), build_exploration(config)
-    policy = AgentPolicy(agent, config.explore, exploration, observation, carried)
+    policy = AgentPolicy(agent, config.explore, exploration, carried)
     env = make(config, policy.primer() if carried else None)
     batches = iter(Collector(env, policy, frames_per_batch=frames, total_frames=-1, **options))
     return lambda: next(batches)

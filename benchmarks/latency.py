@@ -67,7 +67,8 @@ def eager(inputs):
 
     def step(k: int) -> None:
         with torch.inference_mode():
-            agent(*(x[k] for x in tensors))
+            image, reward, noise = (x[k] for x in tensors)
+            agent({"image": image}, reward, noise)
 
     return step
 

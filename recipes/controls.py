@@ -29,17 +29,16 @@ from dntorch.studies.runs import runs_from_events
 NUMBERS = [
     Point("default", {}),
     Point("short_trace", {"learner.trace.tau": 0.1}),
-    Point("printed_pairs", {"learner.coincidence_threshold": -1.0}),
-    Point("printed_pulse_threshold", {"learner.opposition.pulse_threshold": 0.0}),
     Point("printed_intention_inhibition", {"behaviors.intention.inhibition": 10.0}),
     Point("printed_completion_gain", {"behaviors.completion_gain": 5.0}),
     Point("printed_cos_no_memory", {
         "behaviors.satisfaction.excitation": 4.0, "behaviors.satisfaction.inhibition": 0.0}),
     Point("printed_cos_no_rivalry", {"behaviors.satisfaction.inhibition": 0.0}),
 ]  # fmt: skip
-#: Changes of structure or of the state at rest: a batch each.
+#: Changes of structure, and to numbers that the library refuses: a batch each.
 STRUCTURE = [
-    "single_item", "no_offset", "printed_rest", "printed_sigmoid", "printed_value_nodes"
+    "single_item", "no_offset", "printed_pairs", "printed_pulse_threshold", "printed_rest",
+    "printed_sigmoid", "printed_value_nodes",
 ]  # fmt: skip
 
 

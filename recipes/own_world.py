@@ -2,10 +2,10 @@
 
 Nothing here sees colours or turns on the spot. The world is a small Gymnasium environment of
 its own: a cart, four stations on a rail, and a reward for well, mill, oven, well in this order.
-The body is a `Dynamics` with three methods (`match`, `advance`, `act`; the pattern is
-`dntorch.Direct`): a dynamic neural field says where the cart is, a station is reached when the
-field's peak lies on it, and an intention pulls the cart to its station. The rest, behaviours,
-memory and values, is the paper's agent unchanged, run by a TorchRL collector.
+The body is a `Sensorimotor` with three methods (`match`, `advance`, `act`): a dynamic neural
+field says where the cart is, a station is reached when the field's peak lies on it, and an
+intention pulls the cart to its station. The rest, behaviours, memory and values, is the paper's
+agent unchanged, run by a TorchRL collector.
 
 You see calls and rewards in every 2,000 steps, few and by chance while it explores, nearly
 every third call after that, and the learned values. About half a minute on one core.
@@ -14,6 +14,7 @@ every third call after that, and the learned values. About half a minute on one 
 """
 
 import argparse
+from typing import NamedTuple
 
 import gymnasium
 import numpy as np
@@ -22,7 +23,7 @@ from torch import Tensor
 from torchrl.collectors import Collector
 from torchrl.data import Unbounded
 
-from dntorch import DNF, DNSarsa, Dynamics, Exploration, Gauss, Global
+from dntorch import DNF, DNSarsa, Exploration, Gauss, Global, Sensorimotor
 from dntorch.cells.field import FieldState
 from dntorch.rl import AgentPolicy
 from dntorch.rl.envs import wrap
@@ -63,45 +64,38 @@ class Rail(gymnasium.Env):
         return {"position": np.array([self.position], np.float32)}
 
 
-class Cart(Dynamics):
+class CartState(NamedTuple):
+    place: FieldState
+
+
+class Cart(Sensorimotor[CartState]):
     """Where am I, am I there, and how fast to go: senses and motors of the rail."""
 
+    senses = ("position",)
+
     def __init__(self, sites: int = 81) -> None:
-        super().__init__(DT)
+        super().__init__(DT, max_speed=2.0)
+        self.n = len(STATIONS)
         self.place = DNF(sites, (Gauss(4.0, 2.0), Global(-0.4)), border="zero", dt=DT)
-        self.register_buffer("rail", torch.linspace(-1, 1, sites), persistent=False)
-        stations = torch.tensor(list(STATIONS.values()))
-        self.register_buffer("stations", stations, persistent=False)
-        near = ((self.rail - stations.unsqueeze(-1)).abs() < 0.04).float()
-        self.register_buffer("near", near, persistent=False)
-        self.resize()
+        rail, stations = torch.linspace(-1, 1, sites), torch.tensor(list(STATIONS.values()))
+        near = ((rail - stations.unsqueeze(-1)).abs() < 0.04).float()
+        for name, numbers in {"rail": rail, "stations": stations, "near": near}.items():
+            self.register_buffer(name, numbers, persistent=False)
 
-    @property
-    def state(self) -> dict[str, Tensor]:
-        return {"place": self.place.state.u}
-
-    @state.setter
-    def state(self, state: dict[str, Tensor]) -> None:
-        self.place.state = FieldState(state["place"])
-
-    def initial(self, batch: list[int]) -> dict[str, Tensor]:
-        return {"place": self.place.initial(batch).u}
-
-    def match(self, observation: Tensor, state: dict[str, Tensor]) -> Tensor:
-        peak = self.place.output(FieldState(state["place"]))
-        return (peak @ self.near.t() / 2).clamp_max(1.0)
+    def match(self, observation: dict[str, Tensor], state: CartState) -> Tensor:
+        return (self.place.output(state.place) @ self.near.t() / 2).clamp_max(1.0)
 
     def advance(
-        self, observation: Tensor, intention: Tensor, state: dict[str, Tensor]
-    ) -> dict[str, Tensor]:
-        seen = 8 * torch.exp(-0.5 * ((self.rail - observation) / 0.05) ** 2)
-        return {"place": self.place.euler(seen, FieldState(state["place"])).u}
+        self, observation: dict[str, Tensor], intention: Tensor, state: CartState
+    ) -> CartState:
+        seen = 8 * torch.exp(-0.5 * ((self.rail - observation["position"]) / 0.05) ** 2)
+        return CartState(self.place.euler(seen, state.place))
 
-    def act(self, intention: Tensor, state: dict[str, Tensor]) -> Tensor:
-        peak = self.place.output(FieldState(state["place"]))
+    def act(self, intention: Tensor, state: CartState) -> Tensor:
+        peak = self.place.output(state.place)
         position = (peak * self.rail).sum(-1) / peak.sum(-1).clamp_min(1e-3)
         pull = intention * (self.stations - position.unsqueeze(-1))
-        return (3.0 * pull.sum(-1, keepdim=True)).clamp(-2, 2)
+        return 3.0 * pull.sum(-1, keepdim=True)
 
 
 def main() -> None:
@@ -115,7 +109,7 @@ def main() -> None:
 
     agent = DNSarsa(len(STATIONS), Cart())
     noise = Exploration(agent.n, arguments.seed)
-    policy = AgentPolicy(agent, arguments.explore, noise, observation="position")
+    policy = AgentPolicy(agent, arguments.explore, noise)
     world = wrap(Rail(), called=Unbounded((), dtype=torch.int64))
     total = arguments.explore + arguments.exploit
     collector = Collector(world, policy, frames_per_batch=2_000, total_frames=total)

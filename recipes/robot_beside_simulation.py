@@ -44,9 +44,12 @@ CASES = {
 class Simulated(EPuckEnv):
     """The simulated world with the pixels and the motors of a robot."""
 
-    def look(self) -> np.ndarray:
-        picture = rgb565.Picture(BODY.width, BODY.height, rgb565.encode(super().look()))
-        return resample(rgb565.decode(picture), 52, 39)
+    def sense(self, name: str) -> np.ndarray:
+        sensed = super().sense(name)
+        if name == "image":
+            picture = rgb565.Picture(BODY.width, BODY.height, rgb565.encode(sensed))
+            return resample(rgb565.decode(picture), 52, 39)
+        return sensed
 
     def move(self, action: np.ndarray):
         return super().move(np.rint(np.asarray(action, np.float64) / STEP) * STEP)
@@ -59,7 +62,7 @@ def simulated(act: Act, world: dict, steps: int) -> tuple[list, list]:
     observation, *_ = env.step(np.zeros(2))  # the robot stands until its first image has come
     rows, found = [], []
     for step in range(steps):
-        wheels, color = act(observation["image"], 0.0)
+        wheels, color = act(observation, 0.0)
         found += [(step, color)] if color != NOTHING else []
         observation, *_, info = env.step(wheels)
         rows.append((*wheels, info["yaw"]))
@@ -77,8 +80,8 @@ def emulated(
     )
     env.guard.limits, log = Limits(slew=slew), Log(config, scan)
 
-    def heard(image: np.ndarray, reward: float) -> tuple[np.ndarray, int]:
-        given.append(act(image, reward))
+    def heard(observation: dict[str, np.ndarray], reward: float) -> tuple[np.ndarray, int]:
+        given.append(act(observation, reward))
         return given[-1]
 
     def look(step) -> None:

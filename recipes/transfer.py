@@ -66,7 +66,11 @@ def artefact(folder: Path) -> Act:
     agent, nodes = run_agent.load(folder, "onnx"), "behaviors.satisfaction.u"
     agent.learn(False)
     half, report = agent.manifest["decisions"][nodes], Onset(agent.state()[nodes].size)
-    return lambda image, reward: (agent.act(image, reward), report(agent.state()[nodes] > half))
+
+    def act(observation, reward):
+        return agent.act(observation["image"], reward), report(agent.state()[nodes] > half)
+
+    return act
 
 
 def drive(run: Path, folder: Path, job: tuple[str, str, int], film: Path | None = None) -> dict:

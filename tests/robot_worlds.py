@@ -28,12 +28,9 @@ class Turntable:
         self.steps += 1
         return 0.0, False, {"steps": self.steps}
 
-    def look(self):
-        return self.image
-
-    def feel(self):
+    def sense(self, name):
         count = [self.steps % 4000, self.steps // 4000, 0, 0, 0, 0, 0, 0]
-        return {"wheels": self.wheels, "proximity": np.array(count)}
+        return {"image": self.image, "wheels": self.wheels, "proximity": np.array(count)}[name]
 
 
 def number(proximity):

@@ -48,7 +48,8 @@ def alone(config: Config, agent: int, dtype: torch.dtype) -> list[list[int]]:
     world = NodesWorld(SequenceTask(), config.seed, agent)
     noise = Exploration(4, config.seed, agent)
     seen, state, world_state = [], actor.state, world.initial()
-    observation, reward = torch.zeros(4, dtype=dtype), torch.zeros((), dtype=dtype)
+    observation = {"match": torch.zeros(4, dtype=dtype)}
+    reward = torch.zeros((), dtype=dtype)
     was = torch.zeros(4, dtype=torch.bool)
     with torch.inference_mode():
         for step in range(config.steps):

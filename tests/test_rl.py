@@ -18,7 +18,7 @@ from dntorch.experiments.trial import Trial
 from dntorch.rl import AgentPolicy, AgentPrimer, epuck, nodes
 from dntorch.rl.envs import wrap
 
-WORLDS = {"nodes": (nodes, "match"), "epuck": (epuck, "image")}
+WORLDS = {"nodes": nodes, "epuck": epuck}
 FORMS = pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tensordict"])
 WORLD = pytest.mark.parametrize("world", WORLDS)
 
@@ -30,10 +30,9 @@ def collector(env: EnvBase, policy: AgentPolicy, frames: int, total: int = -1):
 
 
 def build(config: Config, carried: bool = False) -> tuple[EnvBase, AgentPolicy]:
-    make, observation = WORLDS[config.world]
     agent, exploration = build_agent(config), build_exploration(config)
-    policy = AgentPolicy(agent, config.explore, exploration, observation, carried)
-    return make(config, policy.primer() if carried else None), policy
+    policy = AgentPolicy(agent, config.explore, exploration, carried)
+    return WORLDS[config.world](config, policy.primer() if carried else None), policy
 
 
 @FORMS
@@ -92,10 +91,10 @@ def test_specs_of_a_batch() -> None:
 def test_rows_of_a_native_batch_are_what_agents_alone_are() -> None:
     config = Config(world="nodes", seed=5, explore=300, sequence="GB", colors="GBY")
     numbers = torch.arange(4)
-    policy = AgentPolicy(DNSarsa(3).spread(4), 300, Exploration(3, 5, numbers), observation="match")
+    policy = AgentPolicy(DNSarsa(3).spread(4), 300, Exploration(3, 5, numbers))
     batch = next(iter(collector(nodes(config, agents=numbers), policy, 4 * 450)))
     for k in range(4):
-        alone = AgentPolicy(DNSarsa(3), 300, Exploration(3, 5, k), observation="match")
+        alone = AgentPolicy(DNSarsa(3), 300, Exploration(3, 5, k))
         one = next(iter(collector(nodes(config, agents=k), alone, 450)))
         assert torch.equal(one["next", "found"], batch["next", "found"][k])
         assert torch.allclose(one["weights"], batch["weights"][k], atol=1e-4)
@@ -130,7 +129,7 @@ class Bell(gymnasium.Env):
 
 
 def test_the_policy_sees_every_reward_once_the_terminal_one_included() -> None:
-    policy = AgentPolicy(DNSarsa(2), observation="match")
+    policy = AgentPolicy(DNSarsa(2))
     batch = next(iter(collector(wrap(Bell()), policy, 10)))
     assert batch["last_reward"][:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
     assert batch["is_init"][:, 0].tolist() == [k % 3 == 0 for k in range(10)]
@@ -138,7 +137,7 @@ def test_the_policy_sees_every_reward_once_the_terminal_one_included() -> None:
 
 def test_a_terminal_reward_is_learned_with_the_trace_that_earned_it() -> None:
     agent = DNSarsa(2)
-    policy = AgentPolicy(agent, observation="match")
+    policy = AgentPolicy(agent)
     trace = torch.tensor([[0.0, 0.6], [0.3, 0.0]])
     learner = agent.state.learner._replace(trace=WorkingMemoryState(trace))
     agent.state = agent.state._replace(learner=learner)
@@ -180,10 +179,10 @@ def test_exploration_does_not_repeat_itself_in_each_episode() -> None:
 
 
 def test_noise_ends_after_the_steps_of_exploration() -> None:
-    loud = AgentPolicy(DNSarsa(2), 3, Exploration(2, 0), observation="match")
+    loud = AgentPolicy(DNSarsa(2), 3, Exploration(2, 0))
     drawn = [float(loud._noise(torch.tensor(0), torch.tensor(k)).sum()) for k in range(5)]
     assert all(drawn[:3]) and not any(drawn[3:])
-    mixed = AgentPolicy(DNSarsa(2).spread(2), 3, Exploration(2, 0, [0, 1]), observation="match")
+    mixed = AgentPolicy(DNSarsa(2).spread(2), 3, Exploration(2, 0, [0, 1]))
     rows = mixed._noise(torch.tensor([0, 0]), torch.tensor([2, 3])).sum((1, 2))
     assert rows[0] > 0 and rows[1] == 0
 
@@ -246,7 +245,7 @@ def staggered(config: Config, carried: bool):
     """Three agents whose episodes end at different times: each reset but the first is partial."""
     numbers = torch.arange(3)
     agent, noise = DNSarsa(3).spread(3), Exploration(3, config.seed, numbers)
-    policy = AgentPolicy(agent, config.explore, noise, "match", carried)
+    policy = AgentPolicy(agent, config.explore, noise, carried)
     env = nodes(config, policy.primer() if carried else None, numbers)
     env.insert_transform(0, StepCounter(max_steps=40))
     made = collector(env, policy, 3 * 25)

@@ -35,7 +35,8 @@ def emulate(
         ValueError: an unknown protocol or pacing, or a pacing that the protocol does not have.
     """
     firmware = build_firmware(protocol, pacing)
-    ring = EPuckEnv(**{"body": BODIES[protocol], "layout_seed": layout, **(world or {})})
+    usual = {"body": BODIES[protocol], "layout_seed": layout, "senses": ()}
+    ring = EPuckEnv(**usual | (world or {}))  # the emulator asks for each sense when it is due
     ring.reset(seed=layout)
     bandwidth = None if protocol == "wifi" else SERIAL
     return Emulator(ring, server, firmware, clock, bandwidth=bandwidth, **worse)

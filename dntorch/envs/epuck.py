@@ -2,6 +2,7 @@
 
 import colorsys
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import gymnasium
@@ -21,9 +22,6 @@ from dntorch.envs.spectator import Spectator
 from dntorch.envs.task import REWARD, REWARD_DURATION, SequenceTask, TaskState
 
 PIVOTS = ("free", "kinematic")
-
-FARTHEST = 2.0**24
-"""Motor steps that float32 still counts one by one: 23 hours at the speed cap."""
 
 
 class EPuckEnv(gymnasium.Env):
@@ -66,6 +64,7 @@ class EPuckEnv(gymnasium.Env):
         light, body: the lamp; the robot and its camera.
         pivot: ``free`` on PyBullet's floor, or ``kinematic``, turning exactly on a pin.
         tolerance, dwell, dwell_rate: of the judge; rad, s, rad/s.
+        senses: names in the observation; what is not named is not computed.
         render_mode: ``None`` or ``rgb_array``, a view from outside.
         max_seconds: ``None`` or the length of an episode in s.
 
@@ -96,19 +95,22 @@ class EPuckEnv(gymnasium.Env):
         tolerance: float = TOLERANCE,
         dwell: float = DWELL,
         dwell_rate: float = DWELL_RATE,
+        senses: Sequence[str] = sensors.SENSES,
         render_mode: str | None = None,
         max_seconds: float | None = None,
     ) -> None:
         blocks = 4 * len(check_colors(colors)) if blocks is None else blocks
         arguments = {k: v for k, v in locals().items() if k not in ("self", "__class__")}
         _check(**arguments)
+        self.observation_space = sensors.observation_space(body, senses)
         self.body, self.dt, self.pivot = body, dt, pivot
         self.colors, self.layout_seed = colors, layout_seed
         self.render_mode, self.max_seconds = render_mode, max_seconds
         self.ring = Ring(blocks, radius, block_size, block_shape)
         self.judge = Judge(tolerance, dwell, dwell_rate, dt)
         self.task = SequenceTask(sequence, colors, reward, reward_duration, dt)
-        # A snapshot may go on in an env that is drawn or cut off differently.
+        # A snapshot may go on in an env that is sensed, drawn or cut off differently.
+        del arguments["senses"]
         self._world = repr({**arguments, "render_mode": None, "max_seconds": None})
         self._light, self._spectator = light, None
         self._paints = np.array([colorsys.hsv_to_rgb(HUES[c] / 360, 1, 1) for c in colors])
@@ -117,11 +119,6 @@ class EPuckEnv(gymnasium.Env):
         self._steps: int | None = None
         cap = body.speed_cap
         self.action_space = spaces.Box(-cap, cap, (2,), np.float32)
-        self.observation_space = spaces.Dict({
-            "image": spaces.Box(0, 255, (body.height, body.width, 3), np.uint8),
-            "wheels": spaces.Box(-FARTHEST, FARTHEST, (2,), np.float32),
-            "proximity": spaces.Box(0, sensors.PROXIMITY_TABLE[0, 1], (8,), np.float32),
-        })  # fmt: skip
 
     # ---------------------------------------------------------------- Gymnasium
 
@@ -190,19 +187,17 @@ class EPuckEnv(gymnasium.Env):
 
     def observe(self) -> dict[str, np.ndarray]:
         """The observation at this moment; looking changes nothing."""
-        return {"image": self.look(), **self.feel()}
+        return {name: self.sense(name) for name in self.observation_space}
 
-    def look(self) -> np.ndarray:
-        """The image of an observation, which is what takes time in it."""
-        return sensors.image(self._scene, self.body, self._pose)
-
-    def feel(self) -> dict[str, np.ndarray]:
-        """An observation without its image."""
-        steps = np.rint(self._drive.wheels * (STEPS_PER_TURN / math.tau))
-        return {
-            "wheels": steps.astype(np.float32),
-            "proximity": sensors.proximity(self._scene, self._pose),
-        }
+    def sense(self, name: str) -> np.ndarray:
+        """One entry of an observation, also of those that ``senses`` does not name."""
+        if name == "image":
+            return sensors.image(self._scene, self.body, self._pose)
+        if name == "proximity":
+            return sensors.proximity(self._scene, self._pose)
+        if name == "wheels":
+            return np.rint(self._drive.wheels * (STEPS_PER_TURN / math.tau)).astype(np.float32)
+        raise ValueError(f"name={name!r}: choose from {sensors.SENSES}")
 
     # ---------------------------------------------------------------- snapshot
 

@@ -1,7 +1,7 @@
 """A robot as a Gymnasium environment, with the spaces of the simulated one."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import gymnasium
@@ -11,8 +11,7 @@ from gymnasium import spaces
 
 from dntorch.body import EPUCK, Body, check_positive
 from dntorch.colors import PAPER, SEQUENCE, check_colors
-from dntorch.envs.epuck import FARTHEST
-from dntorch.envs.sensors import PROXIMITY_TABLE
+from dntorch.envs.sensors import PROXIMITY_TABLE, SENSES, observation_space
 from dntorch.envs.task import NOTHING, REWARD, REWARD_DURATION, SequenceTask
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock
@@ -25,11 +24,11 @@ class HardwareEnv(gymnasium.Env):
     """Find colours with a robot that is really there, or emulated.
 
     Action and observation are those of ``EPuckEnv``: wheel speeds in rad/s; ``image``,
-    ``wheels`` and ``proximity``. Images are corrected and shown as the camera of ``body``
-    would see them, so that a block is as wide as the agent expects; what lies beyond the
-    true camera's view is black. One step takes ``dt`` seconds of the clock. Nobody knows the
-    truth here, so there is no ``bearing``; what counts as found is what the agent reports,
-    before the step, or a key press that is rewarded by itself.
+    ``wheels`` and ``proximity``, or only those that ``senses`` names. Images are corrected and
+    shown as the camera of ``body`` would see them, so that a block is as wide as the agent
+    expects; what lies beyond the true camera's view is black. One step takes ``dt`` seconds of
+    the clock. Nobody knows the truth here, so there is no ``bearing``; what counts as found is
+    what the agent reports, before the step, or a key press that is rewarded by itself.
 
     ============ ======== ===============================================================
     info         dtype    meaning
@@ -55,6 +54,7 @@ class HardwareEnv(gymnasium.Env):
         dt: s, one step.
         body: what the agent was made for: size and field of view of the image, speed cap.
         calibration: what the robot's camera is like.
+        senses: names in the observation.
         limits: of the guard; the speed cap of ``body`` unless you say otherwise.
         key: asked once a step; true is rewarded like a completed sequence.
         patience: s to wait for the first frame.
@@ -78,6 +78,7 @@ class HardwareEnv(gymnasium.Env):
         dt: float = 1 / 32,
         body: Body = EPUCK,
         calibration: Calibration | None = None,
+        senses: Sequence[str] = SENSES,
         limits: Limits | None = None,
         key: Callable[[], bool] = lambda: False,
         patience: float = 10.0,
@@ -92,11 +93,7 @@ class HardwareEnv(gymnasium.Env):
         self._connected, self._ready = False, False
         cap = body.speed_cap
         self.action_space = spaces.Box(-cap, cap, (2,), np.float32)
-        self.observation_space = spaces.Dict({
-            "image": spaces.Box(0, 255, (body.height, body.width, 3), np.uint8),
-            "wheels": spaces.Box(-FARTHEST, FARTHEST, (2,), np.float32),
-            "proximity": spaces.Box(0, PROXIMITY_TABLE[0, 1], (8,), np.float32),
-        })  # fmt: skip
+        self.observation_space = observation_space(body, senses)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Stop, wait for a frame, and begin the task anew. The robot stays where it is."""
@@ -169,7 +166,9 @@ class HardwareEnv(gymnasium.Env):
         frame, before = self.guard.frame, self._frame
         if frame is None or (before is not None and frame.number == before.number):
             return False
-        self._frame, self._image = frame, self._as_agent_sees(frame.image)
+        self._frame = frame
+        if "image" in self.observation_space.keys():
+            self._image = self._as_agent_sees(frame.image)
         return True
 
     def _as_agent_sees(self, image: np.ndarray) -> np.ndarray:
@@ -200,11 +199,14 @@ class HardwareEnv(gymnasium.Env):
         return float(speeds[0]), float(speeds[1])
 
     def _observe(self) -> dict[str, np.ndarray]:
-        return {
-            "image": self._image.copy(),
-            "wheels": (self._frame.steps - self._zero).astype(np.float32),
-            "proximity": self._frame.proximity.clip(0, PROXIMITY_TABLE[0, 1]).astype(np.float32),
-        }
+        return {name: self._sense(name) for name in self.observation_space}
+
+    def _sense(self, name: str) -> np.ndarray:
+        if name == "image":
+            return self._image.copy()
+        if name == "proximity":
+            return self._frame.proximity.clip(0, PROXIMITY_TABLE[0, 1]).astype(np.float32)
+        return (self._frame.steps - self._zero).astype(np.float32)
 
     def _info(self, speeds, found: int, completed: bool, fresh: bool, late: float):
         return {

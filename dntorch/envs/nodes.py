@@ -29,8 +29,8 @@ class NodesState(NamedTuple):
 
 
 class NodesStep(NamedTuple):
-    observation: Tensor
-    """Match of each condition of satisfaction, 0 or 1, ``(*batch, n)``."""
+    observation: dict[str, Tensor]
+    """``match`` of each condition of satisfaction, 0 or 1, ``(*batch, n)``."""
     reward: Tensor
     """``(*batch,)``"""
     found: Tensor
@@ -49,7 +49,8 @@ class NodesWorld:
 
     Args:
         task: what is rewarded.
-        seed, agents: durations are drawn for (seed, agent, number of the visit).
+        seed, agents: durations are drawn for (seed, agent, number of the visit); one seed for
+            all, or a tensor ``(*batch,)``.
         shortest, longest: seconds until the object is in view.
         dwell, linger: seconds in view until found; seconds a match outlasts its intention.
     """
@@ -59,7 +60,7 @@ class NodesWorld:
     def __init__(
         self,
         task: SequenceTask | None = None,
-        seed: int = 0,
+        seed: int | Tensor = 0,
         agents: int | list[int] | Tensor = 0,
         shortest: float = 1.5,
         longest: float = 6.0,
@@ -107,10 +108,10 @@ class NodesWorld:
         in_view = (sought > duration) & (absent <= self.linger) & (target != NOTHING)
         found = torch.where(in_view & (sought == duration + self.dwell), target, NOTHING)
         colors = torch.arange(self.n, device=target.device)
-        observation = in_view.unsqueeze(-1) & (target.unsqueeze(-1) == colors)
+        match = in_view.unsqueeze(-1) & (target.unsqueeze(-1) == colors)
         reward, completed, task = self.task.step(found, state.task)
         return (
-            NodesStep(observation.to(intention.dtype), reward, found, completed),
+            NodesStep({"match": match.to(intention.dtype)}, reward, found, completed),
             NodesState(target, duration, sought, absent, visits, task),
         )
 

@@ -5,12 +5,20 @@ Numbers follow ``E-puck.proto``, ``E-puckDistanceSensor.proto`` and ``e-puck.md`
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
+from gymnasium import spaces
 
 from dntorch.body import Body
 from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
+
+SENSES = ("image", "wheels", "proximity")
+"""Names in an observation."""
+
+FARTHEST = 2.0**24
+"""Motor steps that float32 still counts one by one: 23 hours at the speed cap."""
 
 #: Eight infra-red sensors ps0 ... ps7, clockwise from the front right:
 #: x, y, z in metres and direction in radians from straight ahead.
@@ -33,6 +41,21 @@ PROXIMITY_TABLE = np.array([
 
 #: Reach of a proximity sensor in metres; beyond it the reading is that at its end.
 PROXIMITY_RANGE = float(PROXIMITY_TABLE[-1, 0])
+
+
+def observation_space(body: Body, senses: Sequence[str]) -> spaces.Dict:
+    """The space of observations that hold ``senses`` alone, for a robot with this body."""
+    known = {
+        "image": spaces.Box(0, 255, (body.height, body.width, 3), np.uint8),
+        "wheels": spaces.Box(-FARTHEST, FARTHEST, (2,), np.float32),
+        "proximity": spaces.Box(0, PROXIMITY_TABLE[0, 1], (8,), np.float32),
+    }
+    for name in senses:
+        if name not in known:
+            raise ValueError(
+                f"senses={senses!r}: {name!r} is unknown, give a tuple out of {SENSES}"
+            )
+    return spaces.Dict({name: known[name] for name in senses})
 
 
 def proximity_reading(distance: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import torch
 
-FORMAT = 1
+FORMAT = 2
 UMASK = os.umask(0o077)
 os.umask(UMASK)
 
@@ -43,7 +43,7 @@ def load(path: Path) -> dict[str, Any]:
     """Load what `save` saved, without running any code that the file might bring.
 
     Raises:
-        ValueError: there is no checkpoint, or it is damaged or of another format.
+        ValueError: there is no checkpoint, or it is damaged or of another version.
     """
     try:
         content = torch.load(path, weights_only=True, map_location="cpu")
@@ -52,8 +52,13 @@ def load(path: Path) -> dict[str, Any]:
     except (OSError, EOFError, RuntimeError, pickle.UnpicklingError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ValueError(f"{path} is no readable checkpoint ({reason}): take another") from error
-    if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
-        raise ValueError(f"{path} is no checkpoint of format {FORMAT}: take another")
+    if not isinstance(content, dict) or "format" not in content:
+        raise ValueError(f"{path} is no checkpoint: take another")
+    if (format := content.pop("format")) != FORMAT:
+        raise ValueError(
+            f"{path} is of another version of dntorch, format {format} instead of {FORMAT}: use "
+            "that version, or begin a new run"
+        )
     return _map(content, _unpack)
 
 

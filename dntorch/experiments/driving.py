@@ -14,17 +14,18 @@ from dntorch.envs.hardware import HardwareEnv
 from dntorch.envs.task import NOTHING, SequenceTask
 from dntorch.experiments.config import Config
 from dntorch.experiments.record import reported
+from dntorch.experiments.worlds import tensors
 from dntorch.modules.sarsa import DNSarsa
 
-Act = Callable[[np.ndarray, float], tuple[np.ndarray, int]]
-"""From image and reward to wheel speeds in rad/s and the colour found now, or ``NOTHING``."""
+Act = Callable[[dict[str, np.ndarray], float], tuple[np.ndarray, int]]
+"""From observation and reward to wheel speeds in rad/s and the colour found now, or ``NOTHING``."""
 
 
 class Step(NamedTuple):
     """One control step."""
 
-    image: np.ndarray
-    """what it led to, as the agent sees it"""
+    observation: dict[str, np.ndarray]
+    """what it led to, as the agent senses it"""
     reward: float
     found: int
     """position of the colour that was reported before it, or ``NOTHING``"""
@@ -37,8 +38,8 @@ def acting(agent: DNSarsa) -> Act:
     none, report = torch.zeros_like(agent.weights), Onset(agent.n)
 
     @torch.no_grad()
-    def act(image: np.ndarray, reward: float) -> tuple[np.ndarray, int]:
-        wheels = agent(torch.from_numpy(image), torch.tensor(reward), none)
+    def act(observation: dict[str, np.ndarray], reward: float) -> tuple[np.ndarray, int]:
+        wheels = agent(tensors(observation), torch.tensor(reward), none)
         _, satisfaction = agent.behaviors.output(agent.behaviors.state)
         return wheels.numpy(), report(satisfaction.numpy())
 
@@ -168,11 +169,11 @@ def perform(
         observation, _ = env.reset()
         reward = 0.0
         while not log.over(steps, iterations):
-            wheels, found = act(observation["image"], reward)
+            wheels, found = act(observation, reward)
             if report and found != NOTHING:
                 env.report(found)
             observation, reward, _, _, info = env.step(wheels)
-            step = Step(observation["image"], reward, found, info)
+            step = Step(observation, reward, found, info)
             log.write(step)
             each(step)
     except BaseException as error:

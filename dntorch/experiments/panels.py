@@ -37,7 +37,7 @@ class Moment(NamedTuple):
 def draw(agent: DNSarsa, config: Config, moment: Moment) -> np.ndarray:
     """One frame, RGB: what comes in and goes out above, what happens inside below."""
     frame = np.full((SIZE[1], SIZE[0], 3), NIGHT, np.uint8)
-    fields = {name: u.numpy() for name, u in agent.sensorimotor.state.items()}
+    perception, satisfied, heading = (field.u.numpy() for field in agent.sensorimotor.state)
     intention, satisfaction = (r.numpy() for r in agent.behaviors.output(agent.behaviors.state))
     values, trace = (value_image(w.numpy()) for w in (agent.weights, agent.learner.trace.u))
     colors, (top, bottom), half = config.colors, ROWS, (WIDE - GAP) // 2
@@ -46,11 +46,11 @@ def draw(agent: DNSarsa, config: Config, moment: Moment) -> np.ndarray:
     for x, y, title, note, picture in (
         (COLUMNS[0], top, moment.title, "", outside),
         (COLUMNS[1], top, "camera", "", _camera(moment.image, colors, intention)),
-        (COLUMNS[2], top, "perceptual field", "hue by column", _field(fields["perception"])),
-        (COLUMNS[3], top, "motor field", "heading", _curve(fields["heading"])),
+        (COLUMNS[2], top, "perceptual field", "hue by column", _field(perception)),
+        (COLUMNS[3], top, "motor field", "heading", _curve(heading)),
         (COLUMNS[0], bottom, "intention", "", _bars(intention, colors, half)),
         (COLUMNS[0] + half + GAP, bottom, "CoS", "", _bars(satisfaction, colors, half)),
-        (COLUMNS[1], bottom, "CoS field", "hue by column", _field(fields["satisfaction"])),
+        (COLUMNS[1], bottom, "CoS field", "hue by column", _field(satisfied)),
         (COLUMNS[2], bottom, "values", "state by action", _matrix(values, colors)),
         (COLUMNS[3], bottom, "eligibility trace", "state by action", _matrix(trace, colors)),
     ):

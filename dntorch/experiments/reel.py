@@ -42,7 +42,7 @@ class Reel:
         """Look at one control step, after ``log`` wrote it."""
         if log.steps % self._stride == 0:
             score = log.steps, len(log.found), len(log.completed), step.reward > 0
-            self._kept.append((self.glance(), step.image, self.agent.state, score))
+            self._kept.append((self.glance(), step.observation["image"], self.agent.state, score))
 
     def write(self, path: Path) -> Path:
         """Draw all of it, as a WebM film.

@@ -10,7 +10,7 @@ from dntorch.envs.emulated import emulate
 from dntorch.envs.hardware import HardwareEnv
 from dntorch.envs.task import NOTHING
 from dntorch.experiments import checkpoint
-from dntorch.experiments.config import Config
+from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.learn import CHECKPOINT
 from dntorch.experiments.trial import load_trained
 from dntorch.modules.find_color import FindColor
@@ -83,6 +83,7 @@ def hardware(
     return HardwareEnv(
         driver,
         clock,
+        senses=build_agent(config).senses,
         sequence=config.sequence,
         colors=config.colors,
         reward=config.reward,

@@ -43,33 +43,33 @@ class Together:
                 raise ValueError(f"{config} and {first} make no batch: run them one by one")
         self.configs, self.config, size = configs, first, len(configs)
         self.agent = build_agent(first).spread(size)
-        seeds = torch.tensor([config.seed for config in configs]).unsqueeze(-1)
+        seeds = torch.tensor([config.seed for config in configs])
         none = torch.zeros(size, dtype=torch.int64)
         self.world = NodesWorld(build_task(first), seeds, none)
-        self.exploration = Exploration(self.agent.n, 0, none, first.noise)
-        self.exploration.seed = seeds
+        self.exploration = Exploration(self.agent.n, seeds, none, first.noise)
         self._individualize()
         self.steps = 0
         self.state, self.place = self.agent.state, self.world.initial()
-        self.observation, self.reward = torch.zeros(size, self.agent.n), torch.zeros(size)
+        self.observation = {"match": torch.zeros(size, self.agent.n)}
+        self.reward = torch.zeros(size)
         shape = (first.steps, size)
         self.found = np.full(shape, NOTHING, np.int8)
         self.completed = np.zeros(shape, np.bool_)
         self.on = np.zeros((2, *shape, self.agent.n), np.bool_)
 
     def _individualize(self) -> None:
-        """Give numbers that differ between runs the shapes in which they broadcast."""
+        """Give each agent, and the world it lives in, the numbers of its run."""
         learner, task = self.agent.learner, self.world.task
-        for name, part, attribute, shape in (
-            ("learning_rate", learner.values, "learning_rate", (-1,)),
-            ("trace_tau", learner.trace, "tau", (-1, 1, 1)),
-            ("reward", task, "reward", (-1,)),
-            ("noise", self.exploration, "amplitude", (-1, 1)),
+        for name, part, attribute in (
+            ("learning_rate", learner.values, "learning_rate"),
+            ("trace_tau", learner.trace, "tau"),
+            ("reward", task, "reward"),
+            ("noise", self.exploration, "amplitude"),
         ):
             values = [getattr(config, name) for config in self.configs]
             if len(set(values)) > 1:
                 dtype = torch.float64 if name == "noise" else torch.float32
-                setattr(part, attribute, torch.tensor(values, dtype=dtype).view(shape))
+                setattr(part, attribute, torch.tensor(values, dtype=dtype))
         lengths = [round(config.reward_duration / config.dt) for config in self.configs]
         task.steps = torch.tensor(lengths)
 
@@ -140,7 +140,8 @@ class Together:
         trial = Trial(self.configs[k])
         trial.agent.state = pytree.tree_map(own, self.state)
         trial.world.state = pytree.tree_map(own, self.place)
-        trial.observation, trial.reward = own(self.observation), own(self.reward)
+        trial.observation = pytree.tree_map(own, self.observation)
+        trial.reward = own(self.reward)
         record, t = trial.record, self.steps
         record.length = t
         record.intention[:t], record.satisfaction[:t] = self.on[:, :t, k]

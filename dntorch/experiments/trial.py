@@ -24,7 +24,7 @@ class Trial:
         self.config = config
         self.agent = build_agent(config)
         self.exploration = build_exploration(config)
-        self.world = build_world(config)
+        self.world = build_world(config, self.agent.senses)
         self.record = Record(config.steps, self.agent.n)
         self.observation = self.world.reset()
         self.reward = torch.zeros(())

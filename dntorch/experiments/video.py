@@ -90,7 +90,7 @@ def _play(
 ) -> Iterator[Moment]:
     """Let the agent act; stop and look every ``stride`` control steps."""
     actor.reset()
-    world = EPuck(config, render_mode="rgb_array")
+    world = EPuck(config, tuple({*actor.senses, "image"}), render_mode="rgb_array")
     observation, reward, none = world.reset(), torch.zeros(()), torch.zeros_like(actor.weights)
     found, rewards, end, outside = 0, 0, max_steps, world.env.render()
     try:
@@ -104,7 +104,7 @@ def _play(
             if step % stride == 0:
                 # The outside view takes longer than all the rest: every second frame will do.
                 outside = world.env.render() if step % (2 * stride) == 0 else outside
-                image, rewarded = observation.numpy(), bool(reward)
+                image, rewarded = observation["image"].numpy(), bool(reward)
                 yield Moment(outside, image, step, found, rewards, rewarded)
             if outcome.found != NOTHING and found == behaviors:
                 end = step + round(1 / config.dt)  # a second more, to see what it leads to

@@ -2,13 +2,14 @@
 
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from dntorch.body import Body
 from dntorch.envs.nodes import NodesState, NodesWorld
 from dntorch.envs.task import SequenceTask, TaskState
-from dntorch.experiments.config import Config
+from dntorch.experiments.config import Config, build_agent
 
 if TYPE_CHECKING:
     from dntorch.envs.epuck import EPuckEnv
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 class Outcome(NamedTuple):
     """What a world answers to an action."""
 
-    observation: Tensor
+    observation: dict[str, Tensor]
+    """of each name in the world's senses"""
     reward: Tensor
     found: int
     """position of the colour found in this step, or -1"""
@@ -28,7 +30,7 @@ class Outcome(NamedTuple):
 class World(Protocol):
     """One world for one agent."""
 
-    def reset(self) -> Tensor: ...
+    def reset(self) -> dict[str, Tensor]: ...
     def step(self, action: Tensor) -> Outcome: ...
     def snapshot(self) -> dict[str, Any]: ...
     def restore(self, snapshot: dict[str, Any]) -> None: ...
@@ -53,20 +55,29 @@ def build_epuck(config: Config, **others: Any) -> "EPuckEnv":
     )  # fmt: skip
 
 
-def build_world(config: Config) -> World:
-    return EPuck(config) if config.world == "epuck" else Nodes(config)
+def build_world(config: Config, senses: tuple[str, ...] | None = None) -> World:
+    """The world of a run; it shows ``senses``, by default what the agent of the run reads."""
+    return EPuck(config, senses) if config.world == "epuck" else Nodes(config, senses)
+
+
+def tensors(observation: dict[str, np.ndarray]) -> dict[str, Tensor]:
+    """An observation of a Gymnasium env as an agent reads it."""
+    return {name: torch.from_numpy(value) for name, value in observation.items()}
 
 
 class Nodes:
-    """The abstract world."""
+    """The abstract world; it shows ``match`` alone."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, senses: tuple[str, ...] | None = None) -> None:
+        for name in senses or ():
+            if name != "match":
+                raise ValueError(f"senses={senses}: {name!r} is unknown, give ('match',)")
         self.world = NodesWorld(build_task(config), config.seed)
         self.state = self.world.initial()
 
-    def reset(self) -> Tensor:
+    def reset(self) -> dict[str, Tensor]:
         self.state = self.world.initial()
-        return torch.zeros(self.world.n)
+        return {"match": torch.zeros(self.world.n)}
 
     def step(self, action: Tensor) -> Outcome:
         step, self.state = self.world.step(action, self.state)
@@ -84,20 +95,26 @@ class Nodes:
 
 
 class EPuck:
-    """The PyBullet world, seen through the camera alone."""
+    """The PyBullet world; what is not in ``senses`` is not computed."""
 
-    def __init__(self, config: Config, render_mode: str | None = None) -> None:
+    def __init__(
+        self,
+        config: Config,
+        senses: tuple[str, ...] | None = None,
+        render_mode: str | None = None,
+    ) -> None:
         self.seed = config.seed
-        self.env = build_epuck(config, render_mode=render_mode)
+        senses = build_agent(config).senses if senses is None else senses
+        self.env = build_epuck(config, senses=senses, render_mode=render_mode)
 
-    def reset(self) -> Tensor:
+    def reset(self) -> dict[str, Tensor]:
         observation, _ = self.env.reset(seed=self.seed)
-        return torch.from_numpy(observation["image"])
+        return tensors(observation)
 
     def step(self, action: Tensor) -> Outcome:
         observation, reward, _, _, info = self.env.step(action.numpy())
         return Outcome(
-            torch.from_numpy(observation["image"]),
+            tensors(observation),
             torch.tensor(reward, dtype=torch.float32),
             int(info["found"]),
             bool(info["completed"]),

@@ -1,5 +1,6 @@
 """The worlds as TorchRL environments."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -11,7 +12,7 @@ from torchrl.envs import EnvBase, GymWrapper, InitTracker, TransformedEnv
 from torchrl.envs.gym_like import default_info_dict_reader
 
 from dntorch.envs.nodes import NodesWorld
-from dntorch.experiments.config import Config
+from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.worlds import build_epuck, build_task
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
 
@@ -73,7 +74,7 @@ class NodesEnv(EnvBase):
         step, self.state = self.world.step(tensordict.get("action"), self.state)
         never = torch.zeros((*self.batch_size, 1), dtype=torch.bool)
         return self._show(
-            step.observation, step.found, step.completed,
+            step.observation["match"], step.found, step.completed,
             reward=step.reward.unsqueeze(-1), done=never, terminated=never.clone(),
         )  # fmt: skip
 
@@ -105,18 +106,20 @@ def nodes(
 
 
 def epuck(
-    config: Config, primer: AgentPrimer | None = None, max_seconds: float | None = None
+    config: Config,
+    primer: AgentPrimer | None = None,
+    max_seconds: float | None = None,
+    senses: Sequence[str] | None = None,
 ) -> TransformedEnv:
     """The PyBullet world of a run, with what `AgentPolicy` needs.
 
     The layout is that of ``config.seed`` in every episode, of which there is one unless
-    ``max_seconds`` cuts it. Recorded beside the observation: ``found`` and ``completed``.
+    ``max_seconds`` cuts it. It shows ``senses``, by default what the agent of the run reads.
+    Recorded beside them: ``found`` and ``completed``.
     """
-    from gymnasium.wrappers import FilterObservation
-
-    env = build_epuck(config, layout_seed=config.seed, max_seconds=max_seconds)
-    seen = FilterObservation(env, ["image"])
-    return wrap(seen, primer, found=Unbounded((), dtype=torch.int64), completed=_flag())
+    senses = build_agent(config).senses if senses is None else senses
+    env = build_epuck(config, layout_seed=config.seed, max_seconds=max_seconds, senses=senses)
+    return wrap(env, primer, found=Unbounded((), dtype=torch.int64), completed=_flag())
 
 
 def wrap(env: Any, primer: AgentPrimer | None = None, **info: Any) -> TransformedEnv:

@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.utils import _pytree as pytree
 from torchrl.data import Composite, Unbounded
 
-from dntorch.cells.hebbian import HebbianState
+from dntorch.cells.functions import finite
 from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
 from dntorch.rl.state import StateBuffers, pack, unpack
@@ -23,7 +23,7 @@ class AgentPolicy(TensorDictModuleBase):
     key           shape                    meaning
     ============  =======================  ===================================================
     *reads*
-    observation   as the agent wants it    ``image`` of a camera, ``match`` of abstract worlds
+    agent.senses  as the agent wants them  each name a key: ``image``, ``proximity``, ``match``
     last_reward   ``(*batch, 1)``          of the step before, see `LastReward`
     is_init       ``(*batch, 1)``          activation goes back to rest, what was learned stays
     *writes*
@@ -49,13 +49,12 @@ class AgentPolicy(TensorDictModuleBase):
             each: call ``agent.spread(*batch)``).
         explore: steps with noise on the values; then they are exploited.
         exploration: the noise; without it there is none.
-        observation: key of the observation.
         carried: keep the state in the tensordict.
 
     Raises:
         ValueError: ``explore`` without ``exploration``; values that a batch would share.
         RuntimeError: on a step, when buffers that hold state lie in shared memory.
-        KeyError: on a step, when the tensordict lacks the state it should carry.
+        KeyError: on a step, when the tensordict lacks a key.
     """
 
     def __init__(
@@ -63,7 +62,6 @@ class AgentPolicy(TensorDictModuleBase):
         agent: DNSarsa,
         explore: int = 0,
         exploration: Exploration | None = None,
-        observation: str = "image",
         carried: bool = False,
     ) -> None:
         super().__init__()
@@ -76,22 +74,21 @@ class AgentPolicy(TensorDictModuleBase):
                 " call agent.spread(*batch) to let each learn its own"
             )
         self.agent, self.explore, self.exploration = agent, explore, exploration
-        self.observation, self.carried = observation, carried
+        self.carried = carried
         self.register_buffer("steps", torch.zeros(batch, dtype=torch.int64), persistent=False)
         self.buffers = StateBuffers(agent)
-        self.in_keys = [observation, "last_reward", "is_init"]
+        self.in_keys = [*agent.senses, "last_reward", "is_init"]
         self.spec = self._spec(batch)
         self.out_keys = list(self.spec.keys())
         if carried:
-            names = [*self.buffers.names, "steps", "seed"]
-            self.in_keys += [(AgentPrimer.KEY, name) for name in names]
-            self.out_keys += [("next", key) for key in self.in_keys[3:]]
+            kept = [(AgentPrimer.KEY, k) for k in [*self.buffers.names, "steps", "seed"]]
+            self.in_keys += kept
+            self.out_keys += [("next", key) for key in kept]
 
     def _spec(self, batch: list[int]) -> Composite:
         state = self.agent.initial(batch)
         written = self._written(state, self.steps)
-        intention = written["intention"]
-        written["action"] = self.agent.sensorimotor.act(intention, state.sensorimotor)
+        written["action"] = self.agent.output(state)
         return Composite(
             {k: Unbounded(v.shape, v.device, v.dtype) for k, v in written.items()}, shape=batch
         )
@@ -110,12 +107,12 @@ class AgentPolicy(TensorDictModuleBase):
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         state, steps, seed = self._recall(tensordict)
-        first = tensordict.get("is_init").squeeze(-1)
-        reward = tensordict.get("last_reward").squeeze(-1)
+        observation = {name: self._shown(tensordict, name) for name in self.agent.senses}
+        first = self._shown(tensordict, "is_init").squeeze(-1)
+        reward = self._shown(tensordict, "last_reward").squeeze(-1)
         if first.any():
             state = self._begin(first, reward, state)
         noise = self._noise(state.decisions, steps, seed)
-        observation = tensordict.get(self.observation)
         # Faster, where no gradient is wanted; but TorchRL writes in place to what it carries.
         plain = self.carried or torch.is_grad_enabled()
         with nullcontext() if plain else torch.inference_mode():
@@ -127,19 +124,28 @@ class AgentPolicy(TensorDictModuleBase):
             tensordict.set(key, value.clone() if value.is_inference() else value)
         return tensordict
 
+    def _shown(self, tensordict: TensorDictBase, key: str) -> Tensor:
+        value = tensordict.get(key, None)
+        if value is None:
+            remedy = "make the env with wrap, nodes or epuck of dntorch.rl"
+            if key in self.agent.senses:
+                remedy = "the agent reads it, so build the env with senses=agent.senses"
+            raise KeyError(f"the tensordict lacks {key!r}: {remedy}")
+        return value
+
     def _noise(self, decisions: Tensor, steps: Tensor, seed: Tensor | None = None) -> Tensor:
         exploring, draws = steps < self.explore, self.exploration
         if not exploring.any():
             return torch.zeros_like(self.agent.weights)
-        if seed is not None and not (seed.unsqueeze(-1) == draws.seed).all():
-            draws.seed, draws.last = seed.unsqueeze(-1), None
+        if seed is not None and not (seed == draws.seed).all():
+            draws.seed = seed.clone()
         noise = draws(decisions, self.agent.weights.dtype)
         if exploring.all():
             return noise
         return noise * exploring[..., None, None].to(noise)
 
     def _begin(self, first: Tensor, reward: Tensor, state: AgentState) -> AgentState:
-        """At rest where ``first``; values and the count of decisions go on.
+        """At rest where ``first``; values and counts go on.
 
         Before it rests it learns from the terminal reward: only the old trace knows what
         earned it.
@@ -147,17 +153,17 @@ class AgentPolicy(TensorDictModuleBase):
         learner, running = self.agent.learner, state.learner
         active = learner.active(*self.agent.behaviors.output(state.behaviors))
         none = torch.zeros_like(running.opposition.error)
-        weights, _ = learner.values.step(active, running.trace.u, none, reward, running.values)
+        trace, reward = running.trace.u, finite(reward)
+        values = learner.values.euler(active, trace, none, reward, running.values)
 
         def pick(rest: Tensor, running: Tensor) -> Tensor:
             mask = first.reshape(first.shape + (1,) * (running.dim() - first.dim()))
             return torch.where(mask, rest, running)
 
         begun = pytree.tree_map(pick, self.agent.initial(list(first.shape)), state)
-        values = HebbianState(pick(weights, state.learner.values.weights))
-        return begun._replace(
-            decisions=state.decisions, learner=begun.learner._replace(values=values)
-        )
+        values = pytree.tree_map(pick, values, running.values)
+        counts = {name: getattr(state, name) for name in self.agent.lasting}
+        return begun._replace(learner=begun.learner._replace(values=values), **counts)
 
     # ------------------------------------------------------------- where the state is kept
 
@@ -173,7 +179,7 @@ class AgentPolicy(TensorDictModuleBase):
                 f"the tensordict lacks {missing[0]!r} under {AgentPrimer.KEY!r}: without its state "
                 "the agent would forget in silence; append policy.primer() to the env's transforms"
             )
-        return self.buffers.nested(content), content["steps"], content["seed"]
+        return self.agent.nested(content), content["steps"], content["seed"]
 
     def _remember(
         self, tensordict: TensorDictBase, state: AgentState, steps: Tensor, seed: Tensor | None
@@ -185,7 +191,7 @@ class AgentPolicy(TensorDictModuleBase):
             self.steps.copy_(steps)
 
     def _pack(self, state: AgentState, steps: Tensor, seed: Tensor) -> TensorDict:
-        content = self.buffers.flat(state) | {"steps": steps, "seed": seed}
+        content = self.agent.flat(state) | {"steps": steps, "seed": seed}
         return TensorDict(content, batch_size=self.steps.shape)
 
     def _refuse_shared_memory(self) -> None:
@@ -211,7 +217,7 @@ class AgentPolicy(TensorDictModuleBase):
     def adopt(self, batch: TensorDictBase) -> DNSarsa:
         """Give the agent the state after the last step of a ``batch`` that carries it."""
         last = batch[..., -1].get(("next", AgentPrimer.KEY))
-        self.agent.state = self.buffers.nested(last)
+        self.agent.state = self.agent.nested(dict(last.items()))
         self.steps.copy_(last.get("steps"))
         return self.agent
 

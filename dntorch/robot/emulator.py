@@ -45,11 +45,8 @@ class World(Protocol):
     def move(self, action: np.ndarray) -> tuple[float, bool, dict[str, Any]]:
         """One step under wheel speeds in rad/s; what the world alone knows comes last."""
 
-    def look(self) -> np.ndarray:
-        """What the camera sees, RGB."""
-
-    def feel(self) -> dict[str, np.ndarray]:
-        """``wheels``, motor steps since the reset, and ``proximity``."""
+    def sense(self, name: str) -> np.ndarray:
+        """``image``, RGB; ``wheels``, motor steps since the reset; ``proximity``."""
 
 
 class Emulator:
@@ -189,7 +186,7 @@ class Emulator:
             if not self._due(self._exposed):
                 return
             self._exposed = max(self._exposed + 1 / fps, now)
-        self._images.append((now + self.camera.latency, self.steps, self.world.look()))
+        self._images.append((now + self.camera.latency, self.steps, self.world.sense("image")))
         while len(self._images) > 1 and self._due(self._images[1][0]):
             self._images.popleft()
 
@@ -206,12 +203,11 @@ class Emulator:
         return moment <= self.clock.now() + 1e-9
 
     def _feel(self) -> wifi.Sensors:
-        felt = self.world.feel()
-        true = np.rint(felt["wheels"]).astype(np.int64)
+        true = np.rint(self.world.sense("wheels")).astype(np.int64)
         if self.firmware.counters is not None:
             self._offset, self.firmware.counters = self.firmware.counters - true, None
         steps = (true + self._offset + 32768) % 65536 - 32768
-        proximity = np.rint(felt["proximity"]).astype(int)
+        proximity = np.rint(self.world.sense("proximity")).astype(int)
         return wifi.Sensors(
             accelerometer=(0, 0, 800), acceleration=800.0, temperature=25, battery=950,
             proximity=tuple(proximity.tolist()), steps=tuple(steps.tolist()), selector=15,

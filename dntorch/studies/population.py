@@ -28,7 +28,7 @@ class Running(NamedTuple):
     """All that changes from step to step."""
 
     step: Tensor
-    observation: Tensor
+    observation: dict[str, Tensor]
     reward: Tensor
     agent: AgentState
     world: NodesState
@@ -64,7 +64,7 @@ class Population:
         self.group, self.config, self.dtype = group, group.config, dtype
         self.n, self.batch = len(self.config.colors), len(group.agents)
         config = self.config
-        self.agent = build_variant(config, group.variant).to(dtype)
+        self.agent = build_variant(config, group.variant).to(dtype).spread(self.batch)
         task = build_task(config, group.tasks)
         self.world = TabledWorld(task, config.seed, torch.tensor(group.agents))
         self.dice = Dice(group, self.world, dtype)
@@ -77,7 +77,7 @@ class Population:
             self.step = torch.compile(self._step, fullgraph=True, dynamic=False)
 
     def _individualize(self) -> None:
-        """Give parameters that differ between agents the shapes in which they broadcast."""
+        """Give each agent numbers of its own."""
         for path, values in self.group.parameters.items():
             value = torch.tensor(values, dtype=self.dtype)
             if path == "reward":
@@ -85,19 +85,17 @@ class Population:
             elif path == "reward_duration":
                 self.world.task.steps = (value / self.config.dt).round().to(torch.int64)
             elif path == "noise":
-                self.dice.exploration.amplitude = value.double().unsqueeze(-1)
+                self.dice.exploration.amplitude = value.double()
             else:
                 part, _, name = path.rpartition(".")
-                single = path in ("learner.values.learning_rate", "learner.opposition.tau_error")
-                shape = (-1,) if single else (-1, 1) if "behaviors" in path else (-1, 1, 1)
-                setattr(self.agent.get_submodule(part), name, value.view(shape))
+                setattr(self.agent.get_submodule(part), name, value)
 
     def initial(self) -> Running:
         batch, n, zeros = self.batch, self.n, torch.zeros
         rest = self.agent.initial([batch])
         return Running(
             torch.zeros((), dtype=torch.int64),
-            zeros(batch, n, dtype=self.dtype),
+            {"match": zeros(batch, n, dtype=self.dtype)},
             zeros(batch, dtype=self.dtype),
             tree_map(innermost, rest),
             tree_map(innermost, self.world.initial()),

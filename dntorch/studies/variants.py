@@ -10,6 +10,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from dntorch.cells.number import wide
 from dntorch.cells.value import ValueState
 from dntorch.dynamics import Dynamics
 from dntorch.experiments.config import Config, build_agent
@@ -22,32 +23,30 @@ from dntorch.modules.value import ValueNodes
 class SingleItem(Learner):
     """TD(0): only the pair that was completed last is eligible, all older ones are forgotten."""
 
-    def step(
+    def euler(
         self, intention: Tensor, satisfaction: Tensor, reward: Tensor, state: LearnerState
-    ) -> tuple[Tensor, LearnerState]:
+    ) -> LearnerState:
         active = self.active(intention, satisfaction)
         waiting = state.trace.u * (1 - active)
         newest = waiting == waiting.amax((-2, -1), keepdim=True)
-        _, values = self.values.step(
+        values = self.values.euler(
             active, waiting * newest, state.opposition.error, reward, state.values
         )
-        _, after = super().step(intention, satisfaction, reward, state)
-        return values.weights, LearnerState(after.pulses, after.trace, after.opposition, values)
+        return super().euler(intention, satisfaction, reward, state)._replace(values=values)
 
 
 class NoOffset(Learner):
     """No pulse at the offset of a pair: the value of the old pair is never subtracted."""
 
-    def step(
+    def euler(
         self, intention: Tensor, satisfaction: Tensor, reward: Tensor, state: LearnerState
-    ) -> tuple[Tensor, LearnerState]:
-        _, after = super().step(intention, satisfaction, reward, state)
+    ) -> LearnerState:
         onset = state.pulses.pulse.clamp_min(0)
-        _, opposition = self.opposition.step(
+        opposition = self.opposition.euler(
             onset, state.trace.u, state.values.weights, state.opposition
         )
-        after = LearnerState(after.pulses, after.trace, opposition, after.values)
-        return after.values.weights, after
+        after = super().euler(intention, satisfaction, reward, state)
+        return after._replace(opposition=opposition)
 
 
 class PrintedSigmoid(NodeWTA):
@@ -60,27 +59,44 @@ class PrintedSigmoid(NodeWTA):
     def euler(self, input: Tensor, state: NodeState) -> NodeState:
         output = self.output(state)
         others = output.sum(-1, keepdim=True) - output
-        drive = self.h + self.excitation * output - self.inhibition * others + input
-        return NodeState(state.u + self.dt / self.tau * (drive - state.u))
+        excitation, inhibition = wide(self.excitation, 1), wide(self.inhibition, 1)
+        drive = wide(self.h, 1) + excitation * output - inhibition * others + input
+        return NodeState(state.u + self.dt / wide(self.tau, 1) * (drive - state.u))
 
 
 class PrintedValueNodes(ValueNodes):
     """Value nodes as printed: integrators without a leak, which are normalised afterwards."""
 
-    def step(
-        self, satisfaction: Tensor, weights: Tensor, state: ValueState
-    ) -> tuple[Tensor, ValueState]:
+    def euler(self, satisfaction: Tensor, weights: Tensor, state: ValueState) -> ValueState:
         input = torch.matmul(weights * self.off_diagonal, satisfaction.unsqueeze(-1)).squeeze(-1)
-        value = state.value + self.dt / self.tau * input
-        return value, ValueState(value / value.sum(-1, keepdim=True))
+        value = state.value + self.dt / wide(self.tau, 1) * input
+        return ValueState(value / value.sum(-1, keepdim=True))
+
+
+def _become(part: Dynamics, kind: type[Dynamics]) -> None:
+    part.__class__ = kind  # same structure and parameters, another step
+
+
+def _unchecked(part: Dynamics) -> None:
+    """Let a part take any number, also one that its ``check`` refuses since it does not work."""
+    kind = type(part)
+    _become(part, type(f"Unchecked{kind.__name__}", (kind,), {"check": lambda self: None}))
 
 
 def _printed_pairs(agent: DNSarsa) -> None:
     # f_S > 0 everywhere, so the printed Heaviside is one for every pair at every time.
+    _unchecked(agent.learner)
     agent.learner.coincidence_threshold = -1.0
 
 
+def _pulse_threshold(agent: DNSarsa) -> None:
+    _unchecked(agent.learner.opposition)
+    agent.learner.opposition.pulse_threshold = 0.0
+
+
 def _rest(agent: DNSarsa) -> None:
+    _unchecked(agent.behaviors.intention)
+    _unchecked(agent.behaviors.satisfaction)
     agent.behaviors.intention.h = agent.behaviors.satisfaction.h = 5.0
 
 
@@ -95,10 +111,6 @@ def _no_rivalry(agent: DNSarsa) -> None:
 
 def _short_trace(agent: DNSarsa) -> None:
     agent.learner.trace.tau = 0.1
-
-
-def _become(part: Dynamics, kind: type) -> None:
-    part.__class__ = kind  # same structure and parameters, another step
 
 
 def _sigmoid(agent: DNSarsa) -> None:
@@ -116,9 +128,7 @@ VARIANTS: dict[str, Callable[[DNSarsa], None]] = {
     "printed_sigmoid": _sigmoid,
     "printed_value_nodes": lambda agent: _become(agent.value_nodes, PrintedValueNodes),
     "printed_pairs": _printed_pairs,
-    "printed_pulse_threshold": lambda agent: setattr(
-        agent.learner.opposition, "pulse_threshold", 0.0
-    ),
+    "printed_pulse_threshold": _pulse_threshold,
     "printed_intention_inhibition": lambda agent: setattr(
         agent.behaviors.intention, "inhibition", 10.0
     ),
