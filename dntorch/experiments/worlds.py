@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class Outcome(NamedTuple):
     """What a world answers to an action."""
 
-    observation: Tensor
+    observation: dict[str, Tensor]
     reward: Tensor
     found: int
     """position of the colour found in this step, or -1"""
@@ -28,7 +28,7 @@ class Outcome(NamedTuple):
 class World(Protocol):
     """One world for one agent."""
 
-    def reset(self) -> Tensor: ...
+    def reset(self) -> dict[str, Tensor]: ...
     def step(self, action: Tensor) -> Outcome: ...
     def snapshot(self) -> dict[str, Any]: ...
     def restore(self, snapshot: dict[str, Any]) -> None: ...
@@ -64,13 +64,15 @@ class Nodes:
         self.world = NodesWorld(build_task(config), config.seed)
         self.state = self.world.initial()
 
-    def reset(self) -> Tensor:
+    def reset(self) -> dict[str, Tensor]:
         self.state = self.world.initial()
-        return torch.zeros(self.world.n)
+        return {"match": torch.zeros(self.world.n)}
 
     def step(self, action: Tensor) -> Outcome:
         step, self.state = self.world.step(action, self.state)
-        return Outcome(step.observation, step.reward, int(step.found), bool(step.completed))
+        return Outcome(
+            {"match": step.observation}, step.reward, int(step.found), bool(step.completed)
+        )
 
     def snapshot(self) -> dict[str, Any]:
         *own, task = self.state
@@ -90,14 +92,14 @@ class EPuck:
         self.seed = config.seed
         self.env = build_epuck(config, render_mode=render_mode)
 
-    def reset(self) -> Tensor:
+    def reset(self) -> dict[str, Tensor]:
         observation, _ = self.env.reset(seed=self.seed)
-        return torch.from_numpy(observation["image"])
+        return {"image": torch.from_numpy(observation["image"])}
 
     def step(self, action: Tensor) -> Outcome:
         observation, reward, _, _, info = self.env.step(action.numpy())
         return Outcome(
-            torch.from_numpy(observation["image"]),
+            {"image": torch.from_numpy(observation["image"])},
             torch.tensor(reward, dtype=torch.float32),
             int(info["found"]),
             bool(info["completed"]),
