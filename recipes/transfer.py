@@ -69,7 +69,7 @@ def artefact(folder: Path) -> Act:
     report = Onset(agent.state()[nodes].size)
 
     def act(image, reward):
-        return agent.act(image, reward), report(agent.state()[nodes] > threshold)
+        return agent.act({"image": image}, reward), report(agent.state()[nodes] > threshold)
 
     return act
 
