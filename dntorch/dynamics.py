@@ -11,8 +11,6 @@ values, memory traces) is a persistent buffer that only an explicit call erases.
 """
 
 import copy
-import difflib
-import inspect
 import math
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
@@ -20,7 +18,7 @@ import torch
 from torch import Tensor, nn
 
 from dntorch import declare
-from dntorch.cells.number import Number, span
+from dntorch.parameters import Parameters, check_batch
 
 S = TypeVar("S")
 
@@ -36,7 +34,7 @@ class _Complete(type):
             return structure
 
 
-class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
+class Dynamics(Parameters, Generic[S], metaclass=_Complete):
     """Base of all structures. A subclass declares its state, and writes what is its own::
 
         class NodeState(NamedTuple):
@@ -89,14 +87,9 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
         origin: zeros of the batch's shape; carries batch, dtype and device of the activation.
         lasting: names of buffers that outlive ``reset``: long-term memory (persistent) and
             counts over the life of an agent (not persistent).
-        settable: arguments other than numbers that may be set after construction.
-        fixed: numbers that may not.
     """
 
     lasting: ClassVar[tuple[str, ...]] = ()
-    settable: ClassVar[tuple[str, ...]] = ()
-    fixed: ClassVar[tuple[str, ...]] = ("dt",)
-    _arguments: ClassVar[dict[str, inspect.Parameter]] = {}
 
     if TYPE_CHECKING:
         state: S
@@ -111,9 +104,6 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        if "__init__" in cls.__dict__:
-            _, *own = inspect.signature(cls.__init__).parameters.values()
-            cls._arguments = cls._arguments | {each.name: each for each in own}
         state = declare.state_type(cls, Dynamics)
         if state is not None:
             declare.write_plumbing(cls, state)
@@ -121,16 +111,16 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
 
     def __init__(self, dt: float) -> None:
         super().__init__()
-        self.dt = dt
-        if not self.dt > 0:
+        if isinstance(dt, (int, float)) and not dt > 0:
             raise ValueError(f"dt={dt} must be positive: give seconds per step, such as dt=1/32")
+        self.dt = dt
         self.register_buffer("origin", torch.zeros(()), persistent=False)
 
-    def check(self) -> None:
-        """Raise unless the parameters fit each other; called when one of them was set."""
-
     def _complete(self) -> None:
-        """The end of construction: check, and allocate activation for the batch of the numbers."""
+        """The end of construction: check, and allocate activation.
+
+        The batch is that of numbers per agent and of parts that have learned in a batch.
+        """
         for name in self._memory():
             if name not in self.lasting:
                 raise ValueError(
@@ -140,106 +130,17 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
         self.check()
         self._rank = {name: buffer.dim() for name, buffer in self._memory().items()}
         self._ready = True
-        shapes = [number.shape for part in self.structures() for number in part._numbers().values()]
         _refuse_coarse_memory(self, self.origin.dtype)
+        shapes = [number.shape for part in self.structures() for number in part._numbers().values()]
+        for part, name in _memories(self):  # of parts that have a batch already
+            memory = part._buffers[name]
+            shapes.append(memory.shape[: memory.dim() - part._rank[name]])
         self.resize(*torch.broadcast_shapes(*shapes))
 
     @torch.jit.unused
     def structures(self) -> "list[Dynamics]":
         """This structure and all that it is composed of."""
         return [part for part in self.modules() if isinstance(part, Dynamics)]
-
-    # ------------------------------------------------------------- parameters
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        argument = type(self)._arguments.get(name)
-        ready = self.__dict__.get("_ready", False)
-        if argument is None:
-            if ready and not name.startswith("_"):
-                self._refuse_misspelling(name)
-            super().__setattr__(name, value)
-        elif isinstance(getattr(type(self), name, None), property):
-            super().__setattr__(name, value)
-        elif ready:
-            self._change(argument, value)
-        else:
-            self._place(name, self._number(argument, value))
-
-    def _change(self, argument: inspect.Parameter, value: Any) -> None:
-        """Set a parameter of a finished structure, or leave everything as it was."""
-        name, before = argument.name, getattr(self, argument.name, None)
-        value = self._number(argument, value)
-        part = isinstance(value, nn.Module)
-        open_to_change = _is_number(argument) or part or name in self.settable
-        try:
-            self._place(name, value)
-            self.check()
-            if part or isinstance(value, Tensor):
-                check_batch(self, list(self.origin.shape))
-            if not open_to_change or name in self.fixed:
-                raise ValueError(
-                    f"{name}={value} can't be set: {name} is fixed when a {type(self).__name__} "
-                    "is built; build another one"
-                )
-        except Exception:
-            self._place(name, before)
-            raise
-        if part:
-            self.resize(*self.origin.shape)
-
-    def _place(self, name: str, value: Any) -> None:
-        if name in self.__dict__ or name in self._buffers or name in self._parameters:
-            delattr(self, name)
-        if isinstance(value, Tensor) and not isinstance(value, nn.Parameter):
-            self.register_buffer(name, value, persistent=False)
-        else:
-            super().__setattr__(name, value)
-
-    def _number(self, argument: inspect.Parameter, value: Any) -> Any:
-        """A parameter as it is held; refuses what is no finite number where one belongs."""
-        name = argument.name
-        if not _is_number(argument) or (value is None and argument.default is None):
-            return value
-        what = f"{name}={value if not isinstance(value, Tensor) else value.tolist()}"
-        if isinstance(value, Tensor):
-            if "Number" not in _names_in(argument.annotation):
-                if value.numel() != 1:
-                    raise ValueError(f"{what}: give one number, the same for all agents")
-                value = float(value)
-            elif not value.is_meta and not bool(value.isfinite().all()):
-                raise ValueError(f"{what} is not finite: give numbers")
-            elif isinstance(value, nn.Parameter):
-                return value
-            else:
-                origin = self._buffers.get("origin", torch.zeros(()))
-                return value.to(origin)
-        try:
-            if isinstance(value, (bool, str)):
-                raise TypeError
-            number = float(value)
-        except (TypeError, ValueError):
-            raise TypeError(f"{name}={value!r} is no number: give a float") from None
-        if not math.isfinite(number) and number != argument.default:
-            raise ValueError(f"{name}={value} is not finite: give a number")
-        return number
-
-    def _numbers(self) -> dict[str, Tensor]:
-        """Parameters that are tensors, one number per agent."""
-        held = {**self._buffers, **self._parameters}
-        return {
-            name: held[name]
-            for name, argument in self._arguments.items()
-            if _is_number(argument) and isinstance(held.get(name), Tensor)
-        }
-
-    def _refuse_misspelling(self, name: str) -> None:
-        if hasattr(self, name):
-            return
-        near = difflib.get_close_matches(name.lower(), self._arguments, 1, cutoff=0.86)
-        if near:
-            raise AttributeError(
-                f"{type(self).__name__} has no parameter {name!r}: did you mean {near[0]!r}?"
-            )
 
     # ------------------------------------------------------------- batch
 
@@ -291,7 +192,7 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
         """
         batch = tuple(self.origin.shape)
         if not batch:
-            raise ValueError(f"index={index}: there is no batch, nothing to select")
+            raise ValueError(f"index={index}: there is one set of weights only, nothing to select")
         count = math.prod(batch)
         if not -count <= index < count:
             raise ValueError(f"index={index}: give one of 0 to {count - 1}, the batch has {count}")
@@ -369,17 +270,6 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
             self.register_buffer(name, buffer, name in self._memory())
 
 
-def _names_in(annotation: Any) -> str:
-    if annotation == Number or annotation == Number | None:
-        return "Number"
-    return annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "")
-
-
-def _is_number(argument: inspect.Parameter) -> bool:
-    known = (float, float | None, Number, Number | None)
-    return argument.annotation in known
-
-
 def _direct_parts(module: nn.Module) -> list[Dynamics]:
     """Structures below a module that are in no other structure below it."""
     parts = []
@@ -401,6 +291,17 @@ def _refuse_coarse_memory(structure: Dynamics, dtype: torch.dtype) -> None:
         )
 
 
+def check_parts(whole: Dynamics, n: int, dt: float) -> None:
+    """Raise unless the parts of a composite are for ``n`` behaviours and step by ``dt``."""
+    for name, part in whole.named_children():
+        if not isinstance(part, Dynamics):
+            continue
+        if abs(part.dt - dt) > 1e-9 * dt:
+            raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
+        if getattr(part, "n", n) != n:
+            raise ValueError(f"{name}.n={part.n} does not fit n={n}: build the part with n={n}")
+
+
 def extended(memory: Tensor, rank: int, batch: list[int]) -> Tensor:
     """Long-term memory with ``rank`` dimensions of its own for each member of ``batch``."""
     own = list(memory.shape[: memory.dim() - rank])
@@ -418,72 +319,3 @@ def counted(count: Tensor, batch: list[int]) -> Tensor:
     if batch[len(batch) - len(own) :] != own:
         return torch.zeros(batch, dtype=count.dtype, device=count.device)
     return count.expand(batch).clone()
-
-
-def check_parts(whole: Dynamics, n: int, dt: float) -> None:
-    """Raise unless the parts of a composite are for ``n`` behaviours and step by ``dt``."""
-    for name, part in whole.named_children():
-        if not isinstance(part, Dynamics):
-            continue
-        if abs(part.dt - dt) > 1e-9 * dt:
-            raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
-        if getattr(part, "n", n) != n:
-            raise ValueError(f"{name}.n={part.n} does not fit n={n}: build the part with n={n}")
-
-
-def check_batch(structure: Dynamics, batch: list[int]) -> None:
-    """Raise unless numbers per agent, here and in all parts, are for ``batch``."""
-    for path, part in structure.named_modules():
-        if not isinstance(part, Dynamics):
-            continue
-        for name, number in part._numbers().items():
-            where, shape = ".".join(filter(None, (path, name))), list(number.shape)
-            if shape and shape != batch:
-                raise ValueError(
-                    f"{where} of shape {shape} does not fit the batch {batch}: give one number, or "
-                    "one for each agent; call resize(*batch) or spread(*batch) before"
-                )
-
-
-def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
-    """Raise unless the last dimensions of an input are ``end``; it would broadcast in silence."""
-    if not isinstance(tensor, Tensor):
-        refuse_input(name, tensor)
-    given = list(tensor.shape)
-    if given[max(len(given) - len(end), 0) :] != end:
-        raise ValueError(
-            f"{name} of shape {given} does not end in {end} after its batch: reshape it, or build "
-            "the structure with another size"
-        )
-
-
-@torch.jit.ignore
-def refuse_input(name: str, value: Tensor) -> None:
-    raise TypeError(
-        f"{name} is a {type(value).__name__}: give a tensor, such as torch.as_tensor({name})"
-    )
-
-
-def check_time_constant(name: str, tau: Number, dt: float) -> None:
-    """Raise unless an explicit step of ``dt`` can follow a decay with time constant ``tau``."""
-    shortest, _ = span(tau)
-    check_positive(name, tau, "give seconds")
-    if dt > shortest:
-        raise ValueError(
-            f"dt={dt} is longer than {name}={shortest}: an explicit step would overshoot; "
-            "take a smaller dt, or sub-steps"
-        )
-
-
-def check_positive(name: str, number: Number, remedy: str = "give a number above 0") -> None:
-    """Raise unless a number, or each of many, is above zero."""
-    low, _ = span(number)
-    if not low > 0:
-        raise ValueError(f"{name}={low} must be positive: {remedy}")
-
-
-def check_negative(name: str, number: Number, why: str) -> None:
-    """Raise unless a number, or each of many, is below zero."""
-    _, high = span(number)
-    if not high < 0:
-        raise ValueError(f"{name}={high} must be negative: {why}")

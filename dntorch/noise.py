@@ -6,8 +6,13 @@ draw is the same alone and inside a batch, in float32 and float64, on another de
 exported program and after a resume; there is no generator state to save.
 """
 
+import math
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
+
+from dntorch.cells.number import Number, span
 
 MASK = 0xFFFFFFFF
 MULTIPLIERS = (0xD2511F53, 0xCD9E8D57)
@@ -30,11 +35,13 @@ def philox(counter: list[Tensor], key: list[Tensor]) -> list[Tensor]:
     return [c0, c1, c2, c3]
 
 
-def keyed_uniform(seed: int, agent: Tensor, occasion: Tensor, count: int, stream: int) -> Tensor:
+def keyed_uniform(
+    seed: int | Tensor, agent: Tensor, occasion: Tensor, count: int, stream: int
+) -> Tensor:
     """``count`` numbers in [0, 1), float64, ``(*batch, count)``, for each agent and occasion.
 
     Args:
-        seed: of the experiment, 0 to 2**32 - 1.
+        seed: of the experiment, 0 to 2**32 - 1, or one of each agent's, int64, ``(*batch,)``.
         agent: number of each agent, int64, ``(*batch,)``.
         occasion: number of its decision (or visit, …), int64, ``(*batch,)``.
         count: numbers a draw.
@@ -48,6 +55,8 @@ def keyed_uniform(seed: int, agent: Tensor, occasion: Tensor, count: int, stream
     blocks = torch.arange((count + 3) // 4, device=agent.device)
     zero = torch.zeros_like(agent.unsqueeze(-1) + blocks)
     counter = [zero + blocks, zero + occasion.unsqueeze(-1), zero + agent.unsqueeze(-1), zero]
+    if isinstance(seed, Tensor):
+        seed = seed.to(zero).unsqueeze(-1)
     words = torch.stack(philox(counter, [zero + seed, zero + stream]), -1)
     return words.flatten(-2)[..., :count].to(torch.float64) / 2**32
 
@@ -59,25 +68,59 @@ class Exploration:
     while it lasts every behaviour but the last one is about equally likely to be chosen.
     No noise, zeros, is exploitation.
 
+    A number that is drawn depends on seed, agent and decision alone, whenever it is asked for.
+    ``seed`` and ``amplitude`` may be set at any time, and what a call returns may be edited.
+
     Args:
         n: number of behaviours.
-        seed: of the experiment.
+        seed: of the experiment, 0 to 2**32 - 1; a tensor ``(*batch,)`` for one per agent.
         agents: number of each agent, an int (no batch) or a sequence of them.
-        amplitude: largest noise; the largest learned value is about the reward's area.
+        amplitude: largest noise; the largest learned value is about the reward's area. A tensor
+            ``(*batch,)`` for one per agent.
+
+    Raises:
+        ValueError: a seed out of range, an amplitude that is not positive and finite.
     """
 
     STREAM = 1
 
     def __init__(
-        self, n: int, seed: int, agents: int | list[int] | Tensor = 0, amplitude: float = 10.0
+        self,
+        n: int,
+        seed: int | Tensor,
+        agents: int | Sequence[int] | Tensor = 0,
+        amplitude: Number = 10.0,
     ) -> None:
-        if not 0 <= seed <= MASK:
-            raise ValueError(f"seed={seed}: give a whole number from 0 to {MASK}")
-        if not amplitude > 0:
-            raise ValueError(f"amplitude={amplitude} must be positive: for none, pass zeros")
-        self.n, self.seed, self.amplitude = n, seed, amplitude
+        self.n = n
         self.agents = torch.as_tensor(list(agents) if isinstance(agents, range) else agents)
-        self.last: tuple[Tensor, torch.dtype] | None = None
+        self.seed, self.amplitude = seed, amplitude
+
+    def __setattr__(self, name: str, value: object) -> None:
+        super().__setattr__(name, value)
+        if name != "_drawn":
+            self._drawn = None  # what was drawn was for other settings
+
+    @property
+    def seed(self) -> int | Tensor:
+        return self._seed
+
+    @seed.setter
+    def seed(self, seed: int | Tensor) -> None:
+        numbers = torch.as_tensor(seed)
+        if numbers.is_floating_point() or not bool(((numbers >= 0) & (numbers <= MASK)).all()):
+            raise ValueError(f"seed={seed}: give a whole number from 0 to {MASK}")
+        self._seed = seed.clone() if isinstance(seed, Tensor) else seed
+
+    @property
+    def amplitude(self) -> Number:
+        return self._amplitude
+
+    @amplitude.setter
+    def amplitude(self, amplitude: Number) -> None:
+        low, high = span(amplitude)
+        if not 0 < low <= high < math.inf:
+            raise ValueError(f"amplitude={amplitude} must be positive: for none, pass zeros")
+        self._amplitude = amplitude.clone() if isinstance(amplitude, Tensor) else amplitude
 
     def __call__(self, decisions: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
         """Noise ``(*batch, n, n)`` for the number of decisions each agent has taken.
@@ -91,9 +134,16 @@ class Exploration:
                 f"{list(self.agents.shape)}: number each agent, as Exploration(n, seed, "
                 "agents=range(batch))"
             )
-        if self.last is None or self.last[1] != dtype or not torch.equal(self.last[0], decisions):
+        if self._drawn is None or not self._is_for(decisions, dtype):
             agents = self.agents.to(decisions.device)
             draws = keyed_uniform(self.seed, agents, decisions, self.n * self.n, self.STREAM)
-            self.noise = (self.amplitude * draws).to(dtype).unflatten(-1, (self.n, self.n))
-            self.last = (decisions.clone(), dtype)
-        return self.noise
+            amplitude = self.amplitude
+            if isinstance(amplitude, Tensor):
+                amplitude = amplitude.to(draws).unsqueeze(-1)
+            noise = (amplitude * draws).to(dtype).unflatten(-1, (self.n, self.n))
+            self._drawn = decisions.clone(), noise
+        return self._drawn[1].clone()
+
+    def _is_for(self, decisions: Tensor, dtype: torch.dtype) -> bool:
+        last, noise = self._drawn
+        return noise.dtype == dtype and torch.equal(last, decisions)

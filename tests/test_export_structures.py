@@ -56,10 +56,10 @@ class KeepOff(dntorch.Sensorimotor[NearState]):
     """Always on: turns away from what is near. One tensor of its state never changes."""
 
     senses = ("proximity",)
+    n = 0
 
     def __init__(self) -> None:
         super().__init__(max_speed=1.0)
-        self.n = 0
 
     def initial(self, batch: list[int]) -> NearState:
         return NearState(self.origin.new_zeros(batch), self.origin.new_ones(batch))
@@ -148,9 +148,10 @@ def test_of_an_observation_only_what_is_sensed_goes_in() -> None:
 class Odd(dntorch.Sensorimotor[dict[str, Tensor]]):
     """Reads what the test says; one behaviour."""
 
+    n = 1
+
     def __init__(self, sense: str) -> None:
         super().__init__()
-        self.n = 1
         self.senses = (sense,)
 
     def match(self, observation: dict[str, Tensor], state: dict[str, Tensor]) -> Tensor:

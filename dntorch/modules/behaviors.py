@@ -6,7 +6,8 @@ from torch import Tensor
 
 from dntorch.cells.node import NodeState
 from dntorch.cells.number import Number, span, wide
-from dntorch.dynamics import Dynamics, check_ends, check_parts, check_positive
+from dntorch.checks import check_ends, check_positive
+from dntorch.dynamics import Dynamics, check_parts
 from dntorch.modules.node import NodeWTA
 
 

@@ -10,8 +10,9 @@ from dntorch.cells.color import hue_columns
 from dntorch.cells.field import FieldState
 from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
 from dntorch.cells.kernels import Gauss, Global, gauss_matrix
+from dntorch.checks import check_ends, check_positive
 from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE, PAPER, check_colors
-from dntorch.dynamics import check_ends, check_parts, check_positive
+from dntorch.dynamics import check_parts
 from dntorch.modules.field import DNF
 from dntorch.modules.sensorimotor import Sensorimotor
 
@@ -83,7 +84,7 @@ class FindColor(Sensorimotor[ColorState]):
     fixed = ("dt", "fov", "min_saturation", "min_value")
 
     SALIENCE: Final[float] = 4.0  # a quarter of a column in one hue is as salient as all of it
-    PERCEPT_GAIN: Final[float] = 4.0  # neither percept nor intention lifts a field above threshold alone
+    PERCEPT_GAIN: Final[float] = 4.0  # neither lifts a field above threshold alone
     INTENTION_GAIN: Final[float] = 2.5
     CENTER_GAIN: Final[float] = 4.0  # from perception to the CoS field
     HEADING_GAIN: Final[float] = 8.0  # from perception to the heading field

@@ -11,7 +11,8 @@ from dntorch.cells.number import Number, span, wide
 from dntorch.cells.opposition import OppositionState
 from dntorch.cells.transient import TransientState
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.dynamics import Dynamics, check_ends, check_parts
+from dntorch.checks import check_ends
+from dntorch.dynamics import Dynamics, check_parts
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.opposition import ValueOpposition
 from dntorch.modules.transient import TPCell

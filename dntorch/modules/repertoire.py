@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor, nn
 
+from dntorch.checks import check_ends
 from dntorch.declare import within
-from dntorch.dynamics import check_ends
 from dntorch.modules.sensorimotor import Sensorimotor
 
 

@@ -8,7 +8,8 @@ from torch import Tensor
 from dntorch.cells.functions import came_on, finite, tainted
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.value import ValueState
-from dntorch.dynamics import Dynamics, check_ends, check_parts, counted
+from dntorch.checks import check_ends
+from dntorch.dynamics import Dynamics, check_parts, counted
 from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
 from dntorch.modules.learner import Learner, LearnerState
 from dntorch.modules.sensorimotor import Direct, Sensorimotor
