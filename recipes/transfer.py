@@ -68,7 +68,7 @@ def artefact(folder: Path) -> Act:
     half, report = agent.manifest["decisions"][nodes], Onset(agent.state()[nodes].size)
 
     def act(observation, reward):
-        return agent.act(observation["image"], reward), report(agent.state()[nodes] > half)
+        return agent.act(observation, reward), report(agent.state()[nodes] > half)
 
     return act
 
