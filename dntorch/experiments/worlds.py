@@ -81,9 +81,7 @@ class Nodes:
 
     def step(self, action: Tensor) -> Outcome:
         step, self.state = self.world.step(action, self.state)
-        return Outcome(
-            {"match": step.observation}, step.reward, int(step.found), bool(step.completed)
-        )
+        return Outcome(step.observation, step.reward, int(step.found), bool(step.completed))
 
     def snapshot(self) -> dict[str, Any]:
         *own, task = self.state
