@@ -197,6 +197,15 @@ def test_reward_raises_what_came_before_it_the_latest_pair_the_most():
     assert checked >= 8
 
 
+def test_an_episode_explores_anew():
+    """`reset` does not restart the random order: decisions count over the agent's life."""
+    agent, orders = DNSarsa(4), []
+    for _ in range(3):
+        agent.reset()
+        orders.append(tuple(live(agent, NodesWorld(longest=2.0), 24 * SECOND).sequence()[:5]))
+    assert all(len(order) == 5 for order in orders) and len(set(orders)) == 3
+
+
 def test_without_learning_values_stay_as_they_are():
     agents = torch.arange(16)
     agent = DNSarsa(3).spread(16)
