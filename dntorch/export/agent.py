@@ -56,7 +56,7 @@ def export_run(
     agent = prepare(agent, config)
     agent.reset()
     agent.learn()
-    observation = build_and_reset(config)
+    observation = first_observation(config, agent.senses)
     boundary = Boundary(agent, observation, torch.zeros(()), torch.zeros(agent.n, agent.n))
     golden = closed_loop(boundary, config)
     about = _about(boundary, config)
@@ -64,9 +64,9 @@ def export_run(
     return write(boundary, golden, folder, runtimes, "agent", about)
 
 
-def build_and_reset(config: Config) -> dict[str, Tensor]:
-    """The first observation of a run's world."""
-    world = build_world(config)
+def first_observation(config: Config, senses: tuple[str, ...]) -> dict[str, Tensor]:
+    """What a run's world shows at first."""
+    world = build_world(config, senses)
     try:
         return world.reset()
     finally:
@@ -127,7 +127,7 @@ def closed_loop(boundary: Boundary, config: Config) -> Golden:
 
 
 def _run(boundary: Boundary, config: Config, steps: int) -> tuple[Golden, Loop]:
-    world = build_world(config)
+    world = build_world(config, boundary.structure.senses)
     try:
         loop = Loop(config, world, steps)
         return record(boundary, loop, steps, _notable), loop
