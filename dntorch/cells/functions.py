@@ -57,13 +57,12 @@ def finite(x: Tensor) -> Tensor:
     return torch.where(torch.isfinite(x), x, 0) if x.is_floating_point() else x
 
 
-def tainted(x: Tensor, batch: list[int]) -> Tensor:
-    """For each member of ``batch`` 0 if its numbers are finite, else NaN; one for all: ``()``."""
-    x, dims = x.detach(), len(batch)
-    zero = x - x  # 0 * x is 0 in a compiled program, even for NaN
-    if list(zero.shape[:dims]) != batch:
-        return zero.sum()
-    return zero.flatten(dims).sum(-1) if zero.dim() > dims else zero
+def spoilt(x: Tensor, batch: list[int]) -> Tensor:
+    """Which members of ``batch`` have a NaN or infinity; shape ``()`` for what all share."""
+    bad, dims = ~torch.isfinite(x), len(batch)
+    if list(x.shape[:dims]) != batch:
+        return bad.any()
+    return bad.flatten(dims).any(-1) if x.dim() > dims else bad
 
 
 def is_on(rate: Tensor) -> Tensor:

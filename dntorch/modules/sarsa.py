@@ -5,7 +5,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.cells.functions import came_on, finite, tainted
+from dntorch.cells.functions import came_on, finite, spoilt
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.value import ValueState
 from dntorch.checks import check_ends
@@ -155,11 +155,11 @@ class DNSarsa(Dynamics[AgentState]):
         check_ends("noise", noise, [self.n, self.n])
         check_ends("reward", reward, [])
         batch = list(state.decisions.shape)
-        taint = tainted(reward, batch) + tainted(noise, batch)
+        bad = spoilt(reward, batch) | spoilt(noise, batch)
         seen: dict[str, Tensor] = {}
         for name, value in self.sensorimotor.sense(observation).items():
             if value.is_floating_point():
-                taint = taint + tainted(value, batch)
+                bad = bad | spoilt(value, batch)
             seen[name] = finite(value)
         reward, noise = finite(reward), finite(noise)
         before = self.behaviors.satisfaction.output(state.behaviors.satisfaction)
@@ -176,7 +176,7 @@ class DNSarsa(Dynamics[AgentState]):
             state.value_nodes,
             state.learner,
             state.decisions + completed.to(torch.int64),
-            state.ignored + (taint != taint).to(torch.int64),
+            state.ignored + bad.to(torch.int64),
         )
         return self.output(state), state
 
