@@ -140,10 +140,10 @@ def look(letters, images, seconds=1.5, body=None):
     body = (body or FindColor()).resize(len(images))
     images, intentions = torch.stack(images), want(letters)
     for _ in range(round(32 * seconds)):
-        left, right = body(images, intentions).unbind(-1)
+        left, right = body({"image": images}, intentions).unbind(-1)
         assert torch.equal(left, -right)
     lit = (body.perception.output(body.perception.state) > 0.5).any(1)
-    return Sight(right, body.match(images, body.state), lit)
+    return Sight(right, body.match({"image": images}, body.state), lit)
 
 
 SCAN = 0.3 * 0.052 / 2 / 0.020
@@ -225,9 +225,9 @@ def test_it_centers_what_it_wants_and_then_reports_it():
         center = 26 - focal * math.tan(bearing)
         left, right = (min(52, max(0, round(center + half))) for half in (-5, 5))
         image = scene(("B", left, right)) if left < right else scene()
-        left, right = body(image, want("B")[0])
+        left, right = body({"image": image}, want("B")[0])
         yaw += float(right - left) * 0.020 / 0.052 / 32
-        matches.append(float(body.match(image, body.state)[2]))
+        matches.append(float(body.match({"image": image}, body.state)[2]))
     assert matches[0] < 0.1 and matches[-1] == 1  # out of sight at first
     assert abs(bearing) < 0.05
 
@@ -264,7 +264,7 @@ def test_a_calibrated_camera_sees_its_own_hues():
 )
 def test_what_is_no_image_is_refused_with_a_remedy(image):
     with pytest.raises(ValueError, match=r"image of shape \[.*\] and dtype .*: give uint8 RGB"):
-        FindColor()(image, want("B")[0])
+        FindColor()({"image": image}, want("B")[0])
 
 
 @pytest.mark.parametrize(
