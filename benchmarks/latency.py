@@ -43,7 +43,7 @@ def main() -> None:
         export = untrained(Path(folder), runtimes)
         manifest, golden = replay.read(export)
         inputs = [golden[f"run/{port['name']}"] for port in manifest["inputs"]]
-        steppers = {"eager": eager(inputs)}
+        steppers = {"eager": eager(*inputs)}
         for runtime in runtimes:
             path = export / f"agent{RUNTIMES[runtime]}"
             steppers[runtime] = artefact(runtime, path, manifest, inputs)
@@ -62,13 +62,12 @@ def untrained(folder: Path, runtimes: list[str]) -> Path:
     return export_run(folder, folder / "export", runtimes)
 
 
-def eager(inputs):
-    agent, tensors = DNSarsa(4, FindColor()), [torch.from_numpy(x) for x in inputs]
+def eager(*inputs):
+    agent, (image, reward, noise) = DNSarsa(4, FindColor()), map(torch.from_numpy, inputs)
 
     def step(k: int) -> None:
         with torch.inference_mode():
-            image, reward, noise = (x[k] for x in tensors)
-            agent({"image": image}, reward, noise)
+            agent({"image": image[k]}, reward[k], noise[k])
 
     return step
 
@@ -91,7 +90,7 @@ def artefact(runtime: str, path: Path, manifest: dict, inputs):
 
         def step(k: int) -> None:
             now = {name: np.asarray(x[k]) for name, x in zip(held.takes, inputs)}
-            _, _, *after = held.session.run(None, now | learning | state)
+            _, *after = held.session.run(None, now | learning | state)
             state.update(zip(names, after))
 
         return step
@@ -99,7 +98,7 @@ def artefact(runtime: str, path: Path, manifest: dict, inputs):
 
     def step(k: int) -> None:
         with torch.no_grad():
-            _, _, *loop[:] = held.function(*(x[k] for x in tensors), torch.ones(()), *loop)
+            _, *loop[:] = held.function(*(x[k] for x in tensors), torch.ones(()), *loop)
 
     return step
 

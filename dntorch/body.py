@@ -11,6 +11,9 @@ from dataclasses import dataclass
 #: Motor steps in one turn of a wheel.
 STEPS_PER_TURN = 1000
 
+#: Motor steps/s above which an e-puck1 and an e-puck2 cut off a speed (MOTOR_SPEED_LIMIT).
+EPUCK1_LIMIT, EPUCK2_LIMIT = 1000, 1100
+
 #: rad/s, fastest turning of a wheel: 1000 motor steps/s, rounded down.
 FASTEST = 6.28
 

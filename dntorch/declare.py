@@ -41,7 +41,7 @@ def write_plumbing(cls: type, state: Any) -> None:
     """All that moves, names and compares a state of this type."""
     names = {
         "State": state, "Tensor": Tensor, "overwrite": overwrite, "halfway": halfway,
-        "within": within, "halfway_each": halfway_each,
+        "within": within, "halfway_each": halfway_each, "remember": remember,
     }  # fmt: skip
     if get_origin(state) is dict:  # no field of its own; a structure with parts overrides these
         source = _source(
@@ -90,6 +90,9 @@ def _fields_source(kinds: dict[str, str], lasting: tuple[str, ...]) -> str:
     def each(forms: dict[str, str]) -> list[str]:
         return [forms[kind].format(name) for name, kind in kinds.items()]
 
+    def written(name: str, kind: str) -> str:
+        return "remember(self.{0}, state.{0})" if name in lasting else write[kind]
+
     def whole(forms: dict[str, str]) -> list[str]:
         return [f"return State({', '.join(each(forms))})"]
 
@@ -105,7 +108,8 @@ def _fields_source(kinds: dict[str, str], lasting: tuple[str, ...]) -> str:
     methods = [
         ("state(self) -> State", whole(held), "@property"),
         ("state(self, state: State) -> None", ["self.write(state)"], "@state.setter"),
-        ("write(self, state: State) -> None", each(write), ""),
+        ("write(self, state: State) -> None",
+         [written(name, kind).format(name) for name, kind in kinds.items()], ""),
         ("flat(self, state: State) -> dict[str, Tensor]",
          ["flat: dict[str, Tensor] = {}", *each(flat), "return flat"], ""),
         ("nested(self, flat: dict[str, Tensor]) -> State", whole(nested), ""),
@@ -192,10 +196,19 @@ def overwrite(buffer: Tensor, value: Tensor) -> None:
     if buffer.shape != value.shape:
         raise ValueError(
             f"state of shape {list(value.shape)} does not fit the buffer of shape "
-            f"{list(buffer.shape)}: call resize(*batch) with the batch of the inputs first, or "
-            "spread(*batch) where each is to learn on its own"
+            f"{list(buffer.shape)}: call resize(*batch) with the batch of the inputs first"
         )
     buffer.copy_(value.detach())
+
+
+def remember(memory: Tensor, value: Tensor) -> None:
+    """The same for what outlives a reset."""
+    if memory.shape != value.shape:
+        raise ValueError(
+            f"values of shape {list(value.shape)} do not fit the memory of shape "
+            f"{list(memory.shape)}: call spread(*batch) to give each its own"
+        )
+    memory.copy_(value.detach())
 
 
 def within(flat: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -10,17 +10,14 @@ Activation is forgotten by `reset` and is in no checkpoint; *long-term memory* (
 values, memory traces) is a persistent buffer that only an explicit call erases.
 """
 
-import copy
-import difflib
-import inspect
-import math
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import torch
 from torch import Tensor, nn
 
 from dntorch import declare
-from dntorch.cells.number import Number, span
+from dntorch.memory import Memory
+from dntorch.parameters import check_batch
 
 S = TypeVar("S")
 
@@ -36,7 +33,7 @@ class _Complete(type):
             return structure
 
 
-class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
+class Dynamics(Memory, Generic[S], metaclass=_Complete):
     """Base of all structures. A subclass declares its state, and writes what is its own::
 
         class NodeState(NamedTuple):
@@ -84,19 +81,14 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
     snapshot and is split by ``select``. A name that is nearly that of a parameter is refused;
     all other attributes are free, for tools that hang something on modules.
 
-    Attributes:
-        dt: duration of one step, in seconds.
-        origin: zeros of the batch's shape; carries batch, dtype and device of the activation.
-        lasting: names of buffers that outlive ``reset``: long-term memory (persistent) and
-            counts over the life of an agent (not persistent).
-        settable: arguments other than numbers that may be set after construction.
-        fixed: numbers that may not.
-    """
+    **Long-term memory** is any persistent buffer; ``lasting`` names it, and counts. It outlives
+    ``reset``, and ``spread``, ``select`` and ``forget`` follow the parts.
 
-    lasting: ClassVar[tuple[str, ...]] = ()
-    settable: ClassVar[tuple[str, ...]] = ()
-    fixed: ClassVar[tuple[str, ...]] = ("dt",)
-    _arguments: ClassVar[dict[str, inspect.Parameter]] = {}
+    Attributes:
+        dt: duration of one step, in seconds; that of all parts (``dt / substeps`` of a structure
+            with sub-steps).
+        origin: zeros of the batch's shape; carries batch, dtype and device of the activation.
+    """
 
     if TYPE_CHECKING:
         state: S
@@ -111,9 +103,6 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        if "__init__" in cls.__dict__:
-            _, *own = inspect.signature(cls.__init__).parameters.values()
-            cls._arguments = cls._arguments | {each.name: each for each in own}
         state = declare.state_type(cls, Dynamics)
         if state is not None:
             declare.write_plumbing(cls, state)
@@ -121,125 +110,28 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
 
     def __init__(self, dt: float) -> None:
         super().__init__()
-        self.dt = dt
-        if not self.dt > 0:
+        if isinstance(dt, (int, float)) and not dt > 0:
             raise ValueError(f"dt={dt} must be positive: give seconds per step, such as dt=1/32")
+        self.dt = dt
         self.register_buffer("origin", torch.zeros(()), persistent=False)
 
-    def check(self) -> None:
-        """Raise unless the parameters fit each other; called when one of them was set."""
-
     def _complete(self) -> None:
-        """The end of construction: check, and allocate activation for the batch of the numbers."""
-        for name in self._memory():
-            if name not in self.lasting:
-                raise ValueError(
-                    f"{name} is a persistent buffer, long-term memory: name it in "
-                    f"{type(self).__name__}.lasting, or register it with persistent=False"
-                )
-        self.check()
-        self._rank = {name: buffer.dim() for name, buffer in self._memory().items()}
+        """The end of construction: check, and allocate activation.
+
+        The batch is that of numbers per agent and of parts that have learned in a batch.
+        """
+        self._check_all()
+        self._note_memory()
         self._ready = True
-        shapes = [number.shape for part in self.structures() for number in part._numbers().values()]
-        _refuse_coarse_memory(self, self.origin.dtype)
-        self.resize(*torch.broadcast_shapes(*shapes))
+        self.resize(*self._own_batch())
 
-    @torch.jit.unused
-    def structures(self) -> "list[Dynamics]":
-        """This structure and all that it is composed of."""
-        return [part for part in self.modules() if isinstance(part, Dynamics)]
-
-    # ------------------------------------------------------------- parameters
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        argument = type(self)._arguments.get(name)
-        ready = self.__dict__.get("_ready", False)
-        if argument is None:
-            if ready and not name.startswith("_"):
-                self._refuse_misspelling(name)
-            super().__setattr__(name, value)
-        elif isinstance(getattr(type(self), name, None), property):
-            super().__setattr__(name, value)
-        elif ready:
-            self._change(argument, value)
-        else:
-            self._place(name, self._number(argument, value))
-
-    def _change(self, argument: inspect.Parameter, value: Any) -> None:
-        """Set a parameter of a finished structure, or leave everything as it was."""
-        name, before = argument.name, getattr(self, argument.name, None)
-        value = self._number(argument, value)
-        part = isinstance(value, nn.Module)
-        open_to_change = _is_number(argument) or part or name in self.settable
-        try:
-            self._place(name, value)
-            self.check()
-            if part or isinstance(value, Tensor):
-                check_batch(self, list(self.origin.shape))
-            if not open_to_change or name in self.fixed:
-                raise ValueError(
-                    f"{name}={value} can't be set: {name} is fixed when a {type(self).__name__} "
-                    "is built; build another one"
-                )
-        except Exception:
-            self._place(name, before)
-            raise
-        if part:
-            self.resize(*self.origin.shape)
-
-    def _place(self, name: str, value: Any) -> None:
-        if name in self.__dict__ or name in self._buffers or name in self._parameters:
-            delattr(self, name)
-        if isinstance(value, Tensor) and not isinstance(value, nn.Parameter):
-            self.register_buffer(name, value, persistent=False)
-        else:
-            super().__setattr__(name, value)
-
-    def _number(self, argument: inspect.Parameter, value: Any) -> Any:
-        """A parameter as it is held; refuses what is no finite number where one belongs."""
-        name = argument.name
-        if not _is_number(argument) or (value is None and argument.default is None):
-            return value
-        what = f"{name}={value if not isinstance(value, Tensor) else value.tolist()}"
-        if isinstance(value, Tensor):
-            if "Number" not in _names_in(argument.annotation):
-                if value.numel() != 1:
-                    raise ValueError(f"{what}: give one number, the same for all agents")
-                value = float(value)
-            elif not value.is_meta and not bool(value.isfinite().all()):
-                raise ValueError(f"{what} is not finite: give numbers")
-            elif isinstance(value, nn.Parameter):
-                return value
-            else:
-                origin = self._buffers.get("origin", torch.zeros(()))
-                return value.to(origin)
-        try:
-            if isinstance(value, (bool, str)):
-                raise TypeError
-            number = float(value)
-        except (TypeError, ValueError):
-            raise TypeError(f"{name}={value!r} is no number: give a float") from None
-        if not math.isfinite(number) and number != argument.default:
-            raise ValueError(f"{name}={value} is not finite: give a number")
-        return number
-
-    def _numbers(self) -> dict[str, Tensor]:
-        """Parameters that are tensors, one number per agent."""
-        held = {**self._buffers, **self._parameters}
-        return {
-            name: held[name]
-            for name, argument in self._arguments.items()
-            if _is_number(argument) and isinstance(held.get(name), Tensor)
-        }
-
-    def _refuse_misspelling(self, name: str) -> None:
-        if hasattr(self, name):
-            return
-        near = difflib.get_close_matches(name.lower(), self._arguments, 1, cutoff=0.86)
-        if near:
-            raise AttributeError(
-                f"{type(self).__name__} has no parameter {name!r}: did you mean {near[0]!r}?"
-            )
+    def _check_all(self) -> None:
+        """`check`, and that all parts step together."""
+        dt = self.dt / max(getattr(self, "substeps", 1), 1)
+        for name, part in _direct_parts(self):
+            if abs(part.dt - dt) > 1e-9 * dt:
+                raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
+        self.check()
 
     # ------------------------------------------------------------- batch
 
@@ -258,66 +150,9 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
                 for name, value in state._asdict().items():
                     if isinstance(value, Tensor) and name not in self._memory():
                         self.register_buffer(name, value, persistent=False)
-        for part in _direct_parts(self):
+        for _, part in _direct_parts(self):
             part.resize(*batch)
         return self
-
-    @torch.jit.unused
-    def spread(self, *batch: int) -> "Dynamics[S]":
-        """Resize to ``batch``, each member with a copy of the long-term memory, to learn alone."""
-        check_batch(self, list(batch))
-        spread = [(part, name, part._spread(name, batch)) for part, name in _memories(self)]
-        for part, name, memory in spread:
-            part.register_buffer(name, memory)
-        return self.resize(*batch)
-
-    def _spread(self, name: str, batch: tuple[int, ...]) -> Tensor:
-        memory = self._buffers[name]
-        own = list(memory.shape[: memory.dim() - self._rank[name]])
-        if list(batch)[len(batch) - len(own) :] != own:
-            raise ValueError(
-                f"batch={list(batch)} does not fit {name} of batch {own}: call select(k) to keep "
-                "that of one first"
-            )
-        with torch.inference_mode(False):
-            return memory.expand(*batch, *memory.shape[len(own) :]).clone()
-
-    @torch.jit.unused
-    def select(self, index: int) -> "Dynamics[S]":
-        """A new structure without batch, at rest, with what one member of a batch learned.
-
-        Numbers per agent become that agent's, counts go on. Members count from 0 over all
-        dimensions of the batch.
-        """
-        batch = tuple(self.origin.shape)
-        if not batch:
-            raise ValueError(f"index={index}: there is no batch, nothing to select")
-        count = math.prod(batch)
-        if not -count <= index < count:
-            raise ValueError(f"index={index}: give one of 0 to {count - 1}, the batch has {count}")
-
-        def one(tensor: Tensor, rank: int) -> Tensor:
-            own = tensor.shape[tensor.dim() - rank :]
-            return tensor.expand(*batch, *own).reshape(count, *own)[index].clone()
-
-        with torch.inference_mode(False):
-            structure = copy.deepcopy(self)
-            for part in structure.structures():
-                for name in part.lasting:
-                    buffer = part._buffers[name]
-                    rank = part._rank.get(name, buffer.dim() - len(batch))
-                    kept = one(buffer, rank)
-                    part.register_buffer(name, kept, name in part._memory())
-                for name, number in part._numbers().items():
-                    value = one(number.detach(), 0)
-                    learned = isinstance(number, nn.Parameter)
-                    part._place(name, nn.Parameter(value) if learned else float(value))
-            return structure.resize()
-
-    def _memory(self) -> dict[str, Tensor]:
-        """Long-term memory of this structure itself, without its parts."""
-        fading = self._non_persistent_buffers_set
-        return {name: x for name, x in self._buffers.items() if name not in fading}
 
     # ------------------------------------------------------------- copies
 
@@ -353,11 +188,6 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
                 tensor = tensor.clone()
         super().register_buffer(name, tensor, persistent)
 
-    def _apply(self, fn: Any, recurse: bool = True) -> "Dynamics[S]":
-        with torch.inference_mode(False):
-            _refuse_coarse_memory(self, fn(torch.zeros((), dtype=self.origin.dtype)).dtype)
-            return super()._apply(fn, recurse)
-
     def __getstate__(self) -> dict[str, Any]:
         # A kernel made of tensors that want gradients is a buffer within their graph.
         cut = {k: x if x is None else x.detach() for k, x in self._buffers.items()}
@@ -369,121 +199,18 @@ class Dynamics(nn.Module, Generic[S], metaclass=_Complete):
             self.register_buffer(name, buffer, name in self._memory())
 
 
-def _names_in(annotation: Any) -> str:
-    if annotation == Number or annotation == Number | None:
-        return "Number"
-    return annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "")
-
-
-def _is_number(argument: inspect.Parameter) -> bool:
-    known = (float, float | None, Number, Number | None)
-    return argument.annotation in known
-
-
-def _direct_parts(module: nn.Module) -> list[Dynamics]:
-    """Structures below a module that are in no other structure below it."""
+def _direct_parts(module: nn.Module, prefix: str = "") -> list[tuple[str, Dynamics]]:
+    """Structures below a module that are in no other structure below it, with their names."""
     parts = []
-    for child in module.children():
-        parts += [child] if isinstance(child, Dynamics) else _direct_parts(child)
+    for name, child in module.named_children():
+        single = isinstance(child, Dynamics)
+        path = prefix + name
+        parts += [(path, child)] if single else _direct_parts(child, path + ".")
     return parts
 
 
-def _memories(structure: Dynamics) -> list[tuple[Dynamics, str]]:
-    return [(part, name) for part in structure.structures() for name in part._memory()]
-
-
-def _refuse_coarse_memory(structure: Dynamics, dtype: torch.dtype) -> None:
-    if dtype in (torch.float16, torch.bfloat16) and _memories(structure):
-        _, name = _memories(structure)[0]
-        raise ValueError(
-            f"dtype={dtype} is too coarse for {name}: learned values would stand still, since "
-            "what a step adds is rounded away; keep float32 or float64"
-        )
-
-
-def extended(memory: Tensor, rank: int, batch: list[int]) -> Tensor:
-    """Long-term memory with ``rank`` dimensions of its own for each member of ``batch``."""
-    own = list(memory.shape[: memory.dim() - rank])
-    if batch[len(batch) - len(own) :] != own:
-        raise ValueError(
-            f"batch={batch} does not fit weights of batch {own}: call select(k) to keep those "
-            "of one first"
-        )
-    return memory.expand(batch + list(memory.shape[memory.dim() - rank :])).clone()
-
-
-def counted(count: Tensor, batch: list[int]) -> Tensor:
-    """Counts go on for each member of ``batch``, or begin at 0 if these are other agents."""
-    own = list(count.shape)
-    if batch[len(batch) - len(own) :] != own:
-        return torch.zeros(batch, dtype=count.dtype, device=count.device)
-    return count.expand(batch).clone()
-
-
-def check_parts(whole: Dynamics, n: int, dt: float) -> None:
-    """Raise unless the parts of a composite are for ``n`` behaviours and step by ``dt``."""
+def check_parts(whole: Dynamics, n: int) -> None:
+    """Raise unless the parts of a composite are for ``n`` behaviours."""
     for name, part in whole.named_children():
-        if not isinstance(part, Dynamics):
-            continue
-        if abs(part.dt - dt) > 1e-9 * dt:
-            raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
         if getattr(part, "n", n) != n:
             raise ValueError(f"{name}.n={part.n} does not fit n={n}: build the part with n={n}")
-
-
-def check_batch(structure: Dynamics, batch: list[int]) -> None:
-    """Raise unless numbers per agent, here and in all parts, are for ``batch``."""
-    for path, part in structure.named_modules():
-        if not isinstance(part, Dynamics):
-            continue
-        for name, number in part._numbers().items():
-            where, shape = ".".join(filter(None, (path, name))), list(number.shape)
-            if shape and shape != batch:
-                raise ValueError(
-                    f"{where} of shape {shape} does not fit the batch {batch}: give one number, or "
-                    "one for each agent; call resize(*batch) or spread(*batch) before"
-                )
-
-
-def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
-    """Raise unless the last dimensions of an input are ``end``; it would broadcast in silence."""
-    if not isinstance(tensor, Tensor):
-        refuse_input(name, tensor)
-    given = list(tensor.shape)
-    if given[max(len(given) - len(end), 0) :] != end:
-        raise ValueError(
-            f"{name} of shape {given} does not end in {end} after its batch: reshape it, or build "
-            "the structure with another size"
-        )
-
-
-@torch.jit.ignore
-def refuse_input(name: str, value: Tensor) -> None:
-    raise TypeError(
-        f"{name} is a {type(value).__name__}: give a tensor, such as torch.as_tensor({name})"
-    )
-
-
-def check_time_constant(name: str, tau: Number, dt: float) -> None:
-    """Raise unless an explicit step of ``dt`` can follow a decay with time constant ``tau``."""
-    shortest, _ = span(tau)
-    check_positive(name, tau, "give seconds")
-    if dt > shortest:
-        raise ValueError(
-            f"dt={dt} is longer than {name}={shortest}: an explicit step would overshoot; "
-            "take a smaller dt, or sub-steps"
-        )
-
-
-def check_positive(name: str, number: Number, remedy: str = "give a number above 0") -> None:
-    """Raise unless a number, or each of many, is above zero."""
-    low, _ = span(number)
-    if not low > 0:
-        raise ValueError(f"{name}={low} must be positive: {remedy}")
-
-
-def check_negative(name: str, number: Number, why: str) -> None:
-    """Raise unless a number, or each of many, is below zero."""
-    _, high = span(number)
-    if not high < 0:
-        raise ValueError(f"{name}={high} must be negative: {why}")

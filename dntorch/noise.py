@@ -95,6 +95,11 @@ class Exploration:
         self.agents = torch.as_tensor(list(agents) if isinstance(agents, range) else agents)
         self.seed, self.amplitude = seed, amplitude
 
+    def __setattr__(self, name: str, value: object) -> None:
+        super().__setattr__(name, value)
+        if name != "_drawn":
+            self._drawn = None  # what was drawn was for other settings
+
     @property
     def seed(self) -> int | Tensor:
         return self._seed
@@ -104,7 +109,7 @@ class Exploration:
         numbers = torch.as_tensor(seed)
         if numbers.is_floating_point() or not bool(((numbers >= 0) & (numbers <= MASK)).all()):
             raise ValueError(f"seed={seed}: give a whole number from 0 to {MASK}")
-        self._seed, self._drawn = seed, None
+        self._seed = seed.clone() if isinstance(seed, Tensor) else seed
 
     @property
     def amplitude(self) -> Number:
@@ -115,7 +120,7 @@ class Exploration:
         low, high = span(amplitude)
         if not 0 < low <= high < math.inf:
             raise ValueError(f"amplitude={amplitude} must be positive: for none, pass zeros")
-        self._amplitude, self._drawn = amplitude, None
+        self._amplitude = amplitude.clone() if isinstance(amplitude, Tensor) else amplitude
 
     def __call__(self, decisions: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
         """Noise ``(*batch, n, n)`` for the number of decisions each agent has taken.

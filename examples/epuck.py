@@ -24,15 +24,14 @@ class EPuck:
         address = os.environ.get("EPUCK", "tcp://192.168.1.1")
         self.env = env or HardwareEnv(Driver(transport_for(address), Wifi()))
         self.env.__enter__()  # from here on the end of the program stops the robot
-        self.image, self.rewarded = self.env.reset()[0]["image"], 0.0
+        self.observation, self.rewarded = self.env.reset()[0], 0.0
 
-    def frame(self) -> np.ndarray:
-        return self.image
+    def observe(self) -> dict[str, np.ndarray]:
+        return self.observation
 
     def drive(self, left: float, right: float) -> None:
         """Takes a control step, in which the robot obeys."""
-        observation, self.rewarded, *_ = self.env.step(np.array([left, right]))
-        self.image = observation["image"]
+        self.observation, self.rewarded, *_ = self.env.step(np.array([left, right]))
 
     def reward(self) -> float:
         return self.rewarded

@@ -4,19 +4,20 @@
 
 DIR is what ``dntorch export`` wrote. A robot is any class without arguments that has
 
-    frame()             a camera image, uint8 (height, width, 3), RGB, row 0 at the top
+    observe()           what it senses now, NumPy arrays by the names of the manifest: "image" is
+                        a camera image, uint8 (height, width, 3), RGB, row 0 at the top
     drive(left, right)  wheel speeds in rad/s, obeyed until the next call
     reward()            optional: the reward at this moment, a number
 
-The robot stands still after a bad frame, after a number that is not finite, after an error
-and at the end.
+The robot stands still after a bad observation, such as none at all or an image of another size,
+after an error and at the end. A number that is NaN or infinite counts as 0: the agent ignores it
+and counts the step.
 """
 
 import argparse
 import hashlib
 import importlib.util
 import json
-import math
 import sys
 import time
 from pathlib import Path
@@ -25,16 +26,18 @@ from typing import Protocol
 import numpy as np
 
 PATIENCE = 1.0
-"""Seconds of bad frames after which to give up."""
+"""Seconds of bad observations after which to give up."""
+FORMAT = 2
+"""Of the manifests that this program reads."""
 
 
 class Robot(Protocol):
-    def frame(self) -> np.ndarray: ...
+    def observe(self) -> dict[str, np.ndarray]: ...
     def drive(self, left: float, right: float) -> None: ...
 
 
 class BadInput(ValueError):
-    """A frame, reward or noise that must not become motion."""
+    """An observation or noise that must not become motion."""
 
 
 class Unfit(ValueError):
@@ -42,7 +45,7 @@ class Unfit(ValueError):
 
 
 class Agent:
-    """An exported agent: ``wheels = agent.act(frame)``, one call a control step."""
+    """An exported agent: ``wheels = agent.act({"image": frame})``, one call per control step."""
 
     def __init__(self, folder: Path, suffix: str) -> None:
         self.manifest = m = read_manifest(folder)
@@ -53,40 +56,48 @@ class Agent:
         content = path.read_bytes() if path.exists() else b""
         if hashlib.sha256(content).hexdigest() != entry["sha256"]:
             raise Unfit(f"{path} is damaged or not of {folder}/manifest.json: export again")
-        takes, gives = ([port["name"] for port in m[part]] for part in ("inputs", "outputs"))
-        if takes != ["observation", "reward", "noise"] or m["outputs"][0].get("shape") != [2]:
-            raise Unfit(f"{folder}/manifest.json is of {takes} to {gives}: not of a robot's agent")
+        ports = {port["name"]: port for port in m["inputs"]}
+        gives = {port["name"]: port["shape"] for port in m["outputs"]}
+        if list(ports)[-2:] != ["reward", "noise"] or gives != {"action": [2]}:
+            raise Unfit(f"{folder}/manifest.json is of {[*ports]} to {gives}: no agent of a robot")
         self.dt, self.max_speed = float(m["dt"]), float(m["max_speed"])
-        self.ports = {port["name"]: port for port in m["inputs"]}
-        self.shape = tuple(self.ports["observation"]["shape"])
-        self.n = self.ports["noise"]["shape"][0]
+        self.n = ports.pop("noise")["shape"][0]
+        del ports["reward"]
+        self.senses = {name: (np.dtype(p["dtype"]), tuple(p["shape"])) for name, p in ports.items()}
         self.none = np.zeros((self.n, self.n), np.float32)
         self.load(path)
 
-    def act(self, frame: np.ndarray, reward: float = 0.0, noise: np.ndarray | None = None):
+    def act(
+        self,
+        observation: dict[str, np.ndarray],
+        reward: float = 0.0,
+        noise: np.ndarray | None = None,
+    ) -> tuple[float, float]:
         """Wheel speeds (left, right) in rad/s.
 
         Raises:
-            BadInput: a frame of another shape or type, a number that is not finite. The
-                agent stays as it was.
+            BadInput: an observation without an array that the agent senses, or with one of
+                another shape or type. The agent stays as it was.
         """
-        if (
-            not isinstance(frame, np.ndarray)
-            or frame.dtype != np.uint8
-            or frame.shape != self.shape
-        ):
-            given = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame)
-            raise BadInput(f"frame is {given}: give uint8 RGB of shape {self.shape}")
+        seen = {name: self.sense(observation, name) for name in self.senses}
         noise = self.none if noise is None else np.asarray(noise, np.float32)
         if noise.shape != self.none.shape:
             raise BadInput(f"noise has shape {noise.shape}: give {self.none.shape}")
-        if not (math.isfinite(reward) and np.isfinite(noise).all()):
-            raise BadInput(f"{reward=} or noise is not finite: give numbers without NaN")
-        wheels = self.step(np.ascontiguousarray(frame), np.array(reward, np.float32), noise)
+        wheels = self.step(seen | {"reward": np.array(reward, np.float32), "noise": noise})
         if wheels.shape != (2,) or not np.isfinite(wheels).all():
             raise BadInput(f"the agent answered {wheels}: reset it")
         left, right = np.clip(wheels.astype(float), -self.max_speed, self.max_speed)
         return float(left), float(right)
+
+    def sense(self, observation: dict[str, np.ndarray], name: str) -> np.ndarray:
+        dtype, shape = self.senses[name]
+        if not isinstance(observation, dict) or name not in observation:
+            raise BadInput(f"the observation lacks {name}: give a dict with {[*self.senses]}")
+        array = observation[name]
+        if not isinstance(array, np.ndarray) or (array.dtype, array.shape) != (dtype, shape):
+            what = f"{getattr(array, 'dtype', type(array))} {getattr(array, 'shape', '')}"
+            raise BadInput(f"{name} is {what}: give {dtype} of shape {shape}")
+        return np.ascontiguousarray(array)
 
 
 class ScriptAgent(Agent):
@@ -103,12 +114,12 @@ class ScriptAgent(Agent):
         if {k: list(v.shape) for k, v in self.module.get_state().items()} != expected:
             raise Unfit(f"{path} has another state than its manifest says: export again")
 
-    def step(self, frame, reward, noise) -> np.ndarray:
+    def step(self, inputs: dict[str, np.ndarray]) -> np.ndarray:
         with self.torch.inference_mode():
-            return self.module(*map(self.torch.from_numpy, (frame, reward, noise))).numpy()
+            return self.module(*map(self.torch.from_numpy, inputs.values())).numpy()
 
     def reset(self) -> None:
-        """Back to rest; what was learned stays."""
+        """Back to rest; what was learned and counted stays."""
         self.module.reset()
 
     def learn(self, on: bool) -> None:
@@ -138,18 +149,15 @@ class OnnxAgent(Agent):
         self.fixed = {port["name"]: rest(port) for port in m["switches"]}
         self.held = {port["name"]: rest(port) for port in m["state"]}
 
-    def step(self, frame, reward, noise) -> np.ndarray:
-        inputs = {"observation": frame, "reward": reward, "noise": noise}
-        valid, wheels, *state = self.session.run(None, inputs | self.fixed | self.held)
-        if not valid:
-            raise BadInput("an input or the state is not finite: reset the agent")
+    def step(self, inputs: dict[str, np.ndarray]) -> np.ndarray:
+        wheels, *state = self.session.run(None, inputs | self.fixed | self.held)
         self.held = dict(zip(self.held, state))
         return wheels
 
     def reset(self) -> None:
-        """Back to rest; what was learned stays."""
+        """Back to rest; what was learned and counted stays."""
         for port in self.manifest["state"]:
-            if not port["long_term"]:
+            if not port["lasting"]:
                 self.held[port["name"]] = rest(port)
 
     def learn(self, on: bool) -> None:
@@ -174,7 +182,9 @@ def read_manifest(folder: Path) -> dict:
         missing = [key for key in needed if key not in manifest]
     except (OSError, ValueError, TypeError) as error:
         raise Unfit(f"{folder}/manifest.json cannot be used ({error}): export again") from None
-    if manifest.get("format") != 1 or missing:
+    if (given := manifest.get("format")) != FORMAT:
+        raise Unfit(f"{folder}/manifest.json is of format {given}, not {FORMAT}: export again")
+    if missing:
         raise Unfit(f"{folder}/manifest.json is no agent's, it lacks {missing}")
     return manifest
 
@@ -203,7 +213,7 @@ def exploration(seed: int, decision: int, n: int, amplitude: float, agent: int =
 def run(agent: Agent, robot: Robot, steps: int, explore: bool = False, clock=time) -> dict:
     """The control loop, at the agent's rate. ``clock`` has ``monotonic`` and ``sleep``."""
     reward = getattr(robot, "reward", lambda: 0.0)
-    count = {"steps": 0, "bad frames": 0, "missed deadlines": 0}
+    count = {"steps": 0, "bad observations": 0, "missed deadlines": 0}
     noise, decided, bad = None, None, 0
     due = clock.monotonic()
     try:
@@ -212,12 +222,12 @@ def run(agent: Agent, robot: Robot, steps: int, explore: bool = False, clock=tim
                 settings, decided = agent.manifest["exploration"], decision
                 noise = exploration(settings["seed"], decision, agent.n, settings["amplitude"])
             try:
-                robot.drive(*agent.act(robot.frame(), float(reward()), noise))
+                robot.drive(*agent.act(robot.observe(), float(reward()), noise))
                 bad = 0
             except BadInput as error:
                 robot.drive(0.0, 0.0)
                 bad += 1
-                count["bad frames"] += 1
+                count["bad observations"] += 1
                 if bad * agent.dt > PATIENCE:
                     raise BadInput(f"for {PATIENCE:g} s nothing but bad input: {error}") from error
             count["steps"] += 1
@@ -255,7 +265,8 @@ def main() -> None:
         agent = load(options.folder, options.runtime)
         agent.learn(options.learn)
         steps = round(options.seconds / agent.dt)
-        print(run(agent, find_robot(options.robot), steps, options.explore))
+        count = run(agent, find_robot(options.robot), steps, options.explore)
+        print(count | {"ignored": int(agent.state()["ignored"])})
     except (BadInput, Unfit, ImportError) as error:
         sys.exit(f"run_agent: {error}")
     except KeyboardInterrupt:

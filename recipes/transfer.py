@@ -65,11 +65,10 @@ def artefact(folder: Path) -> Act:
     """An exported agent as something that drives."""
     agent, nodes = run_agent.load(folder, "onnx"), "behaviors.satisfaction.u"
     agent.learn(False)
-    threshold = agent.manifest["decisions"][nodes]  # of the activation, where the rate is 1/2
-    report = Onset(agent.state()[nodes].size)
+    half, report = agent.manifest["decisions"][nodes], Onset(agent.state()[nodes].size)
 
     def act(observation, reward):
-        return agent.act(observation["image"], reward), report(agent.state()[nodes] > threshold)
+        return agent.act(observation, reward), report(agent.state()[nodes] > half)
 
     return act
 

@@ -279,12 +279,12 @@ def test_in_one_step_a_change_reaches_those_only_who_read_it(changed, readers):
     parts(state)["intention"].copy_(torch.tensor([2.0, -2.0, -2.0]))
     parts(state)["satisfaction"].copy_(torch.tensor([-2.0, 2.0, -2.0]))
     inputs = {
-        "observation": half,
+        "observation": {"match": half},
         "reward": torch.tensor(0.3),
         "noise": torch.arange(9.0).view(3, 3) / 9,
     }
     before = {k: v.clone() for k, v in parts(agent.step(*inputs.values(), state)[1]).items()}
-    leaf = {**inputs, **parts(state)}[changed]
+    leaf = half if changed == "observation" else {**inputs, **parts(state)}[changed]
     leaf.mul_(-1.1)
     after = parts(agent.step(*inputs.values(), state)[1])
     assert {name for name in after if not torch.equal(before[name], after[name])} == readers
@@ -361,12 +361,12 @@ def test_values_of_a_loop_go_to_the_fixed_point_of_discrete_sarsa():
 
 def only(part):
     """A value opposition that sees only one kind of pulse."""
-    step = ValueOpposition.step
-    return lambda self, pulse, trace, weights, state: step(self, part(pulse), trace, weights, state)
+    euler = ValueOpposition.euler
+    return lambda self, pulse, *rest: euler(self, part(pulse), *rest)
 
 
 def test_without_the_offset_pulse_values_do_not_converge(monkeypatch):
-    monkeypatch.setattr(ValueOpposition, "step", only(lambda pulse: pulse.clamp_min(0)))
+    monkeypatch.setattr(ValueOpposition, "euler", only(lambda pulse: pulse.clamp_min(0)))
     values = two_state_loop(10)
     assert values[-1, 0] > 2 / (1 - 0.8**2)
     assert (values.diff(dim=0) > 0).all()
@@ -374,7 +374,7 @@ def test_without_the_offset_pulse_values_do_not_converge(monkeypatch):
 
 
 def test_without_the_onset_pulse_nothing_is_predicted(monkeypatch):
-    monkeypatch.setattr(ValueOpposition, "step", only(lambda pulse: pulse.clamp_max(0)))
+    monkeypatch.setattr(ValueOpposition, "euler", only(lambda pulse: pulse.clamp_max(0)))
     first, second = two_state_loop(12)[-1]
     assert first == pytest.approx(1, rel=0.1) and abs(second) < 0.1
 
@@ -382,25 +382,25 @@ def test_without_the_onset_pulse_nothing_is_predicted(monkeypatch):
 def test_without_pulses_nothing_is_learned(monkeypatch):
     def silent(self, input, state):
         rest = torch.zeros_like(state.pulse)
-        return rest, TransientState(rest, rest)
+        return TransientState(rest, rest)
 
-    monkeypatch.setattr(TPCell, "step", silent)
+    monkeypatch.setattr(TPCell, "euler", silent)
     assert not two_state_loop(3).any()
 
 
 def test_without_the_trace_nothing_is_learned(monkeypatch):
     def silent(self, input, state):
-        return 0 * state.u, WorkingMemoryState(0 * state.u)
+        return WorkingMemoryState(0 * state.u)
 
-    monkeypatch.setattr(ItemOrderWM, "step", silent)
+    monkeypatch.setattr(ItemOrderWM, "euler", silent)
     assert not two_state_loop(3).any()
 
 
 def test_without_the_value_cell_nothing_is_predicted_or_bounded(monkeypatch):
     def silent(self, pulse, trace, weights, state):
-        return 0 * state.error, OppositionState(0 * state.opposition, 0 * state.error)
+        return OppositionState(0 * state.opposition, 0 * state.error)
 
-    monkeypatch.setattr(ValueOpposition, "step", silent)
+    monkeypatch.setattr(ValueOpposition, "euler", silent)
     first, second = two_state_loop(8).unbind(-1)
     assert not second.any()
     assert first[-1] > 1 / (1 - 0.8**2)

@@ -31,7 +31,7 @@ from dntorch.robot.transports import Tcp
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RUNNER = EXAMPLES / "run_agent.py"
-WEIGHTS = "learner.values.weights"
+WEIGHTS, COUNTS = "learner.values.weights", ["decisions", "ignored"]
 
 
 #: What `dntorch learn --seed 1` had learned in the end, [state][action], in the order RGBY.
@@ -113,7 +113,7 @@ def sign(folder: Path) -> None:
 # ---------------------------------------------------------------- the record and the manifest
 
 
-def test_the_record_holds_onsets_transitions_rewards_and_both_switches(golden) -> None:
+def test_the_record_holds_onsets_rewards_both_switches_and_numbers_to_ignore(golden) -> None:
     decisions = golden["run/next.decisions"]
     assert len(decisions) >= 800
     assert decisions[-1] >= 4  # onsets of CoS, with transitions between them
@@ -125,20 +125,24 @@ def test_the_record_holds_onsets_transitions_rewards_and_both_switches(golden) -
     learning = golden["run/learner.values.learning"] > 0
     assert np.abs(weights[learning][-1] - weights[0]).max() > 1e-2
     assert not learning[-1] and np.ptp(weights[~learning], axis=0).max() == 0
+    assert np.isnan(golden["run/reward"]).sum() == np.isnan(golden["run/noise"]).sum() == 1
+    assert golden["run/next.ignored"][-1] == 2
+    assert np.isnan(golden["pairs/reward"]).any() and np.isnan(golden["pairs/noise"]).any()
 
 
 def test_the_manifest_says_what_a_robot_needs(manifest, exported) -> None:
     image, reward, noise = manifest["inputs"]
-    assert image == {"name": "observation", "shape": [39, 52, 3], "dtype": "uint8"}
+    assert image == {"name": "image", "shape": [39, 52, 3], "dtype": "uint8"}
     assert (reward["shape"], noise["shape"]) == ([], [4, 4])
     assert manifest["outputs"] == [{"name": "action", "shape": [2], "dtype": "float32"}]
+    assert manifest["units"]["image"] == "RGB 0-255, row 0 at the top"
     assert manifest["units"]["action"] == "rad/s, left wheel first"
     assert manifest["dt"] == 1 / 32 and manifest["max_speed"] == 1.26
     assert [c["letter"] for c in manifest["colors"]] == list("RGBY")
     assert manifest["colors"][1] == {"letter": "G", "name": "green", "hue": 120.0}
     state = {port["name"]: port for port in manifest["state"]}
     assert state["behaviors.intention.u"]["rest"] == -5.0
-    assert [name for name, port in state.items() if port["long_term"]] == [WEIGHTS]
+    assert [name for name, port in state.items() if port["lasting"]] == [WEIGHTS, *COUNTS]
     assert np.array_equal(np.array(state[WEIGHTS]["rest"], np.float32).T, np.float32(LEARNED))
     assert [port["rest"] for port in manifest["switches"]] == [1.0]
     source = manifest["source"]
@@ -179,7 +183,7 @@ def test_verify_is_a_command_with_an_exit_code(exported, tmp_path) -> None:
     command = [sys.executable, "-m", "dntorch.cli", "verify", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=200)
     assert done.returncode == 1, done.stderr
-    assert "agent.onnx: FAILED" in done.stdout and "sensorimotor.perception" in done.stdout
+    assert "agent.onnx: FAILED" in done.stdout and "sensorimotor.perception.u" in done.stdout
 
 
 def change_script(path: Path, find) -> None:
@@ -249,11 +253,28 @@ def test_a_manifest_of_another_agent_fails(name, exported, tmp_path, capsys) -> 
     assert "FAILED" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 7}'])
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 7}', '{"format": 2}'])
 def test_a_damaged_manifest_is_named(content, tmp_path) -> None:
     (tmp_path / "manifest.json").write_text(content)
     with pytest.raises(replay.Unfit, match=r"manifest.json .*export again"):
         replay.verify(tmp_path)
+
+
+def test_an_export_of_an_older_form_is_refused_in_one_sentence(exported, tmp_path) -> None:
+    part_of(exported, tmp_path, "agent.onnx")
+
+    def older(content: dict) -> None:
+        content["format"] = 1
+        content["inputs"][0]["name"] = "observation"
+
+    edit(tmp_path, older)
+    for command in (["-m", "dntorch.cli", "verify"], [str(RUNNER), "--robot=r.py:R"]):
+        done = subprocess.run(
+            [sys.executable, *command, str(tmp_path)], capture_output=True, text=True, timeout=200
+        )
+        assert done.returncode == 1
+        assert "manifest.json is of format 1, not 2: export again" in done.stderr
+        assert done.stderr.count("\n") == 1
 
 
 # ---------------------------------------------------------------- bad input
@@ -263,7 +284,7 @@ IMAGE = np.zeros((39, 52, 3), np.uint8)
 
 def wrong(**changes):
     good = {
-        "observation": torch.from_numpy(IMAGE),
+        "image": torch.from_numpy(IMAGE),
         "reward": torch.zeros(()),
         "noise": torch.zeros(4, 4),
     }
@@ -273,11 +294,10 @@ def wrong(**changes):
 @pytest.mark.parametrize(
     ("inputs", "says"),
     [
-        (wrong(observation=torch.zeros(40, 52, 3, dtype=torch.uint8)), r"observation .*\[40, 52"),
-        (wrong(observation=torch.zeros(39, 52, 3)), "observation .*dtype"),
-        (wrong(reward=torch.tensor(torch.nan)), "reward is not finite"),
-        (wrong(reward=torch.zeros(1)), "reward of shape"),
-        (wrong(noise=torch.full((4, 4), torch.inf)), "noise is not finite"),
+        (wrong(image=torch.zeros(40, 52, 3, dtype=torch.uint8)), r"input image .*\[40, 52"),
+        (wrong(image=torch.zeros(39, 52, 3)), "input image .*dtype"),
+        (wrong(reward=torch.zeros(1)), "input reward of shape"),
+        (wrong(noise=torch.zeros(4, 4, dtype=torch.float64)), "input noise .*dtype"),
     ],
 )
 def test_torchscript_refuses_bad_input_and_stays_as_it_was(exported, inputs, says) -> None:
@@ -294,6 +314,7 @@ def test_torchscript_refuses_bad_input_and_stays_as_it_was(exported, inputs, say
     [
         (WEIGHTS, torch.full((4, 4), torch.nan), "is not finite"),
         (WEIGHTS, torch.zeros(3, 3), "of shape"),
+        (WEIGHTS, torch.zeros(4, 4, dtype=torch.float64), "dtype"),
         ("extra", torch.zeros(4), "names"),
     ],
 )
@@ -312,11 +333,11 @@ def test_torchscript_has_the_methods_of_the_agent(exported) -> None:
     agent.set_state({key: tensor + 1 for key, tensor in rest.items()})
     agent.reset()
     for key, tensor in agent.get_state().items():
-        assert torch.equal(tensor, rest[key] + (key == WEIGHTS)), key
+        assert torch.equal(tensor, rest[key] + (key in (WEIGHTS, *COUNTS))), key
     agent.learn(False)
     assert not agent.structure.learner.values.learning
     agent.forget()
-    assert not agent.get_state()[WEIGHTS].any()
+    assert not any(agent.get_state()[name].any() for name in (WEIGHTS, *COUNTS))
     assert agent.dt == 1 / 32
 
 
@@ -325,25 +346,10 @@ def stateless(exported, name: str, manifest):
     return artefact(exported / name, manifest)
 
 
-@pytest.mark.parametrize("name", ["agent.pt2", "agent.onnx"])
-def test_a_function_says_invalid_and_gives_no_motion(name, exported, manifest) -> None:
-    agent = stateless(exported, name, manifest)
-    good = [IMAGE, np.array(0, np.float32), np.zeros((4, 4), np.float32)]
-    rest = [np.array(1, np.float32), *agent.held.values()]
-    places = {"reward": 1, "noise": 2, "state": 4 + list(agent.held).index(WEIGHTS)}
-    for where, place in places.items():
-        arrays = [x.copy() for x in good + rest]
-        arrays[place] = np.full_like(arrays[place], np.nan)
-        valid, wheels, *state = agent.call(arrays)
-        assert not valid and not wheels.any(), where
-        for before, after in zip(arrays[4:], state):
-            np.testing.assert_array_equal(before, after)
-
-
 @pytest.mark.parametrize(
     ("image", "says"),
     [
-        (np.zeros((40, 52, 3), np.uint8), "observation"),
+        (np.zeros((40, 52, 3), np.uint8), "image"),
         (
             np.zeros((39, 52, 3)),
             "dtype mismatch! Expected: Byte|input data type.*expected: .tensor.uint8",
@@ -380,15 +386,14 @@ class Simulated:
 
     def __init__(self, **options) -> None:
         self.env = EPuckEnv(**options)
-        self.image = self.env.reset(seed=1)[0]["image"]
+        self.observation = self.env.reset(seed=1)[0]
         self.found, self.rewarded, self.now = [], 0, 0.0
 
-    def frame(self) -> np.ndarray:
-        return self.image
+    def observe(self) -> dict[str, np.ndarray]:
+        return self.observation
 
     def drive(self, left: float, right: float) -> None:
-        observation, self.now, _, _, info = self.env.step(np.array([left, right]))
-        self.image = observation["image"]
+        self.observation, self.now, _, _, info = self.env.step(np.array([left, right]))
         self.rewarded += bool(info["completed"])
         if info["found"] >= 0:
             self.found.append("RGBY"[info["found"]])
@@ -436,7 +441,7 @@ def test_the_runner_completes_the_sequence_twice_on_an_emulated_robot_over_tcp(e
             count = merged(count, runner.run(agent, robot, 100, clock=Paced(clock)))
         assert true["completed"] == 2, true["found"]
         assert "GBYRGBYRG" in "".join(true["found"])
-        assert count["bad frames"] == count["missed deadlines"] == 0
+        assert count["bad observations"] == count["missed deadlines"] == 0
         assert np.abs(agent.state()[WEIGHTS].T - LEARNED).max() > 1e-2  # it kept learning
         robot.env.__exit__(None, None, None)
         clock.sleep_until(clock.now() + 0.1)
@@ -462,8 +467,8 @@ class Still:
     def __init__(self, frames) -> None:
         self.frames, self.told = iter(frames), []
 
-    def frame(self):
-        return next(self.frames)
+    def observe(self):
+        return {"image": next(self.frames)}
 
     def drive(self, left: float, right: float) -> None:
         self.told.append((left, right))
@@ -472,7 +477,7 @@ class Still:
 def moving(agent) -> None:
     """Bring an agent to a state in which it turns."""
     for _ in range(100):
-        wheels = agent.act(IMAGE)
+        wheels = agent.act({"image": IMAGE})
     assert wheels[1] > 0.1
 
 
@@ -486,7 +491,7 @@ def test_bad_frames_never_move_the_robot(exported, runtime, frame) -> None:
     before = {name: value.copy() for name, value in agent.state().items()}
     robot = Still([frame] * 10)
     count = runner.run(agent, robot, 10, clock=Timeless())
-    assert count["bad frames"] == 10 and set(robot.told) == {(0.0, 0.0)}
+    assert count["bad observations"] == 10 and set(robot.told) == {(0.0, 0.0)}
     for name, value in agent.state().items():
         np.testing.assert_array_equal(value, before[name])
     robot = Still([IMAGE, frame, IMAGE])
@@ -502,13 +507,26 @@ def test_the_runner_gives_up_on_a_camera_that_stays_broken(exported) -> None:
 
 
 @pytest.mark.parametrize("runtime", ["onnx", "torchscript"])
-def test_numbers_that_are_not_finite_are_refused(exported, runtime) -> None:
-    agent = runner.load(exported, runtime)
-    with pytest.raises(runner.BadInput, match="reward"):
-        agent.act(IMAGE, reward=float("nan"))
-    with pytest.raises(runner.BadInput, match="noise"):
-        agent.act(IMAGE, noise=np.full((4, 4), np.nan))
-    assert agent.act(IMAGE) == (0.0, 0.0)
+def test_the_runner_ignores_numbers_that_are_not_finite(exported, runtime) -> None:
+    agent, other = runner.load(exported, runtime), runner.load(exported, runtime)
+    for step in range(100):
+        bad = {50: {"reward": float("nan")}, 60: {"noise": np.full((4, 4), np.inf)}}.get(step, {})
+        wheels = agent.act({"image": IMAGE}, **bad)
+        assert wheels == other.act({"image": IMAGE})
+    assert wheels[1] > 0.1  # it goes on
+    for name, value in other.state().items():
+        np.testing.assert_array_equal(agent.state()[name], value + 2 * (name == "ignored"))
+    agent.reset()
+    assert agent.state()["ignored"] == 2  # counted over its life
+
+
+@pytest.mark.parametrize("runtime", ["onnx", "torchscript"])
+@pytest.mark.parametrize("observation", [{}, None, IMAGE], ids=["empty", "none", "no dict"])
+def test_the_runner_refuses_an_observation_without_its_image(
+    exported, runtime, observation
+) -> None:
+    with pytest.raises(runner.BadInput, match=r"lacks image: give a dict with \['image'\]"):
+        runner.load(exported, runtime).act(observation)
 
 
 def test_a_robot_stands_still_after_an_error(exported) -> None:
@@ -535,7 +553,7 @@ def test_learning_can_be_switched(exported, golden, runtime) -> None:
         agent.reset()
         agent.learn(on)
         for k in range(rewarded):
-            agent.act(golden["run/observation"][k], float(golden["run/reward"][k]))
+            agent.act({"image": golden["run/image"][k]}, float(golden["run/reward"][k]))
         assert np.array_equal(agent.state()[WEIGHTS], fixed) is not on
 
 
@@ -544,7 +562,7 @@ def test_learning_can_be_switched(exported, golden, runtime) -> None:
     [
         (lambda d: os.truncate(d / "agent.onnx", 1000), "agent.onnx is damaged or not of"),
         (lambda d: (d / "manifest.json").write_text("{"), "manifest.json cannot be used"),
-        (lambda d: edit(d, lambda m: m["inputs"].pop()), "not of a robot's agent"),
+        (lambda d: edit(d, lambda m: m["inputs"].pop()), "no agent of a robot"),
         (lambda d: edit(d, lambda m: m["state"].pop()), "its manifest says"),
         (lambda d: edit(d, lambda m: m.pop("dt")), "lacks"),
     ],
@@ -559,9 +577,9 @@ ROBOT = """
 import sys
 import numpy
 class Robot:
-    def frame(self):
+    def observe(self):
         assert "dntorch" not in sys.modules and "torch" not in sys.modules
-        return numpy.zeros((39, 52, 3), numpy.uint8)
+        return {"image": numpy.zeros((39, 52, 3), numpy.uint8), "battery": 3.7}
     def drive(self, left, right):
         print("wheels", left, right)
 """
@@ -586,4 +604,4 @@ def test_onnx_runtime_reads_the_state_that_the_manifest_names(exported, manifest
     names = [p["name"] for key in ("inputs", "switches", "state") for p in manifest[key]]
     assert [port.name for port in session.get_inputs()] == names
     state = [f"next.{port['name']}" for port in manifest["state"]]
-    assert [port.name for port in session.get_outputs()] == ["valid", "action", *state]
+    assert [port.name for port in session.get_outputs()] == ["action", *state]

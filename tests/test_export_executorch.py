@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from torch import Tensor
 
 pytest.importorskip("executorch")
 
@@ -14,10 +15,15 @@ from dntorch.export import export_structure, replay
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 
-def rows(n: int, steps: int = 60) -> list[tuple[torch.Tensor, ...]]:
+def rows(n: int, steps: int = 60) -> list[tuple[dict[str, Tensor], Tensor, Tensor]]:
     generator = torch.Generator().manual_seed(0)
-    shapes = [(n,), (), (n, n)]
-    return [tuple(torch.rand(s, generator=generator) for s in shapes) for _ in range(steps)]
+
+    def unit(*shape: int) -> Tensor:
+        return torch.rand(shape, generator=generator)
+
+    rows = [({"match": unit(n)}, unit(), unit(n, n)) for _ in range(steps)]
+    rows[10] = (rows[10][0], torch.tensor(torch.nan), rows[10][2])
+    return rows
 
 
 def test_the_agent_runs_in_executorch_and_keeps_what_it_knows(tmp_path: Path, capsys) -> None:

@@ -31,7 +31,7 @@ def test_the_core_needs_torch_alone():
 
 
 def test_an_agent_expects_the_body_that_the_simulation_has():
-    built = defaults(FindColor)
+    built = defaults(FindColor.__init__)
     assert built["fov"] is EPUCK.fov and built["max_speed"] is EPUCK.speed_cap
     assert built["wheel_radius"] is EPUCK.wheel_radius and built["axle"] is EPUCK.axle
 
@@ -53,7 +53,7 @@ def test_a_robot_is_calibrated_with_the_colours_that_its_agent_sees(value):
 
 
 def test_what_is_a_colour_is_said_once():
-    built = defaults(FindColor)
+    built = defaults(FindColor.__init__)
     assert built["min_saturation"] is MIN_SATURATION and built["min_value"] is MIN_VALUE
 
 

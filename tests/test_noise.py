@@ -162,3 +162,47 @@ def test_exploration_lies_between_zero_and_its_amplitude():
 def test_wrong_arguments_name_argument_value_and_remedy(options, message):
     with pytest.raises(ValueError, match=message):
         Exploration(**{"n": 4, "seed": 0, **options})
+
+
+def test_what_a_call_returns_may_be_edited():
+    explore, decisions = Exploration(4, seed=0), torch.tensor(3)
+    first = explore(decisions)
+    for _ in range(3):
+        noise = explore(decisions)
+        assert torch.equal(noise, first)
+        noise *= 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("amplitude", 1), ("seed", 7), ("agents", torch.tensor(5)), ("amplitude", 2.5)],
+)
+def test_settings_count_at_once(name, value):
+    explore, decisions = Exploration(4, seed=0), torch.tensor(3)
+    before = explore(decisions)
+    setattr(explore, name, value)
+    settings = {"seed": 0, "agents": 0, "amplitude": 10.0} | {name: value}
+    assert torch.equal(explore(decisions), Exploration(4, **settings)(decisions))
+    assert not torch.equal(explore(decisions), before)
+
+
+def test_a_setting_of_ones_own_for_each_agent():
+    seeds, sizes = torch.tensor([3, 8]), torch.tensor([1.0, 5.0])
+    both = Exploration(3, seeds, [0, 4], sizes)
+    decisions = torch.tensor([2, 6])
+    for k, (seed, agent, size) in enumerate([(3, 0, 1.0), (8, 4, 5.0)]):
+        alone = Exploration(3, seed, agent, size)
+        torch.testing.assert_close(both(decisions)[k], alone(decisions[k]))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("seed", -1), ("seed", 2**32), ("seed", 1.5), ("amplitude", 0), ("amplitude", float("nan"))],
+)
+def test_a_wrong_setting_is_refused_whenever_it_is_set(name, value):
+    explore = Exploration(4, seed=0)
+    with pytest.raises(ValueError, match=f"{name}="):
+        setattr(explore, name, value)
+    with pytest.raises(ValueError, match=f"{name}="):
+        Exploration(4, **({"seed": 0} | {name: value}))
+    assert explore.seed == 0 and explore.amplitude == 10.0

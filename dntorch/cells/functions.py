@@ -59,7 +59,8 @@ def finite(x: Tensor) -> Tensor:
 
 def tainted(x: Tensor, batch: list[int]) -> Tensor:
     """For each member of ``batch`` 0 if its numbers are finite, else NaN; one for all: ``()``."""
-    zero, dims = 0 * x.detach(), len(batch)
+    x, dims = x.detach(), len(batch)
+    zero = x - x  # 0 * x is 0 in a compiled program, even for NaN
     if list(zero.shape[:dims]) != batch:
         return zero.sum()
     return zero.flatten(dims).sum(-1) if zero.dim() > dims else zero

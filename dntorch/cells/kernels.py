@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.cells.number import Number
+from dntorch.cells.number import Number, span
 
 
 class Gauss(NamedTuple):
@@ -70,9 +70,10 @@ def gauss_matrix(
     """
     if border not in ("circular", "zero"):
         raise ValueError(f"border={border!r} is unknown: choose 'circular' or 'zero'")
-    if not (float(sigma) > 0 and cutoff > 0):
-        raise ValueError(f"sigma={sigma} and cutoff={cutoff} must be positive")
-    sites, reach = torch.arange(1 - n, n, dtype=torch.float64), math.ceil(cutoff * float(sigma))
+    (width, _), (place, _) = span(sigma), span(shift)
+    if not (width > 0 and cutoff > 0):
+        raise ValueError(f"sigma={width} and cutoff={cutoff} must be positive")
+    sites, reach = torch.arange(1 - n, n, dtype=torch.float64), math.ceil(cutoff * width)
 
     def bell(distance: Tensor) -> Tensor:
         return torch.exp(-0.5 * (distance / sigma) ** 2) * (distance.abs() <= reach)
@@ -82,13 +83,8 @@ def gauss_matrix(
         total = taps[:n].sum()
     else:
         taps = bell(sites - shift)
-        total = bell(sites - (shift - round(float(shift)))).sum()  # in the field or beyond it
-    if not bool(taps.any()):
-        raise ValueError(
-            f"sigma={float(sigma):g} and shift={float(shift):g} leave no effect on a field of {n} "
-            "sites: take a larger sigma, or a shift within the field"
-        )
-    if normalized:
+        total = bell(sites - (shift - round(place))).sum()  # in the field or beyond it
+    if normalized and bool(total > 0):
         taps = taps / total
     return taps.unfold(0, n, 1).flip(-1)
 
@@ -145,6 +141,11 @@ def _gauss_matrices(term: Gauss, shape: list[int], borders: tuple) -> list[Tenso
         gauss_matrix(n, *rest, term.cutoff, term.normalized)
         for n, *rest in zip(shape, sigma, borders, shift, strict=True)
     ]
+    if not all(bool(matrix.any()) for matrix in matrices):
+        raise ValueError(
+            f"no site has an effect on any other in a field of {shape}: take a larger sigma, or a "
+            "shift within the field"
+        )
     return [term.amplitude * matrices[0], *matrices[1:]]
 
 
@@ -160,7 +161,7 @@ def _check_finite(term: Gauss | Global | Matrices) -> None:
     for name, value in term._asdict().items():
         for each in value if isinstance(value, (tuple, list)) else (value,):
             try:
-                number = torch.as_tensor(each, dtype=torch.float64)
+                number = torch.as_tensor(each, dtype=torch.float64).detach()
             except (TypeError, ValueError, RuntimeError):
                 raise ValueError(f"{name} is no number: give floats") from None
             if not bool(number.isfinite().all()):
@@ -172,7 +173,7 @@ def _shown(term: Gauss | Global | Matrices) -> str:
     if isinstance(term, Matrices):
         return "Matrices"
     numbers = {
-        name: value.item() if isinstance(value, Tensor) and value.numel() == 1 else value
+        name: value.detach().item() if isinstance(value, Tensor) and value.numel() == 1 else value
         for name, value in term._asdict().items()
     }
     return f"{type(term).__name__}({', '.join(f'{k}={v}' for k, v in numbers.items())})"

@@ -53,5 +53,5 @@ def wide(number: Number, dims: int) -> Number:
 def span(number: Number) -> tuple[float, float]:
     """The smallest and the largest of one or many numbers."""
     if isinstance(number, Tensor):
-        return float(number.min()), float(number.max())
+        return float(number.detach().min()), float(number.detach().max())
     return number, number

@@ -51,6 +51,6 @@ def working_memory_step(
     :math:`(\alpha q + \beta u) / (\alpha Q + \beta U)`, which lies between 0 and 1, as u does.
     """
     rate = working_memory_rate(pulse, state, tau, excitation, feedback, threshold)
-    pulses = rectified(pulse, threshold).sum((-2, -1), keepdim=True)
-    total = excitation * pulses + feedback * state.u.sum((-2, -1), keepdim=True)
+    drive = excitation * rectified(pulse, threshold) + feedback * state.u
+    total = drive.sum((-2, -1), keepdim=True)
     return WorkingMemoryState(state.u + dt * rate.u / (dt * total / tau).clamp_min(1.0))

@@ -19,7 +19,7 @@ DEFAULT_SEED = 1
 @click.option(
     "--world",
     type=click.Choice(WORLDS),
-    default="epuck",
+    default=Config.world,
     show_default=True,
     help="PyBullet with a camera, or abstract behaviours.",
 )
@@ -49,16 +49,25 @@ DEFAULT_SEED = 1
 @click.option(
     "--colors", default=Config.colors, show_default=True, help="Colours to look for, of ROYGCBVM."
 )
-@click.option("--camera", default="52x39", show_default=True, help="Image size, WIDTHxHEIGHT.")
+@click.option(
+    "--camera",
+    default=f"{Config.width}x{Config.height}",
+    show_default=True,
+    help="Image size, WIDTHxHEIGHT.",
+)
 @click.option(
     "--integrator",
     type=click.Choice(["euler", "heun"]),
-    default="euler",
+    default=Config.integrator,
     show_default=True,
     help="Of the neural dynamics.",
 )
 @click.option(
-    "--substeps", type=int, default=1, show_default=True, help="Integrator steps in a control step."
+    "--substeps",
+    type=int,
+    default=Config.substeps,
+    show_default=True,
+    help="Integrator steps in a control step.",
 )
 @click.option(
     "--learning-rate",

@@ -14,7 +14,7 @@ from dntorch.body import EPUCK, STEPS_PER_TURN, Body, check_positive
 from dntorch.colors import HUES, PAPER, SEQUENCE, check_colors
 from dntorch.envs import sensors
 from dntorch.envs.drive import Free, Pin
-from dntorch.envs.judge import NOTHING, Judge, JudgeState, Verdict
+from dntorch.envs.judge import DWELL, DWELL_RATE, NOTHING, TOLERANCE, Judge, JudgeState, Verdict
 from dntorch.envs.layout import DAYLIGHT, Light, Ring
 from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
@@ -85,16 +85,16 @@ class EPuckEnv(gymnasium.Env):
         dt: float = 1 / 32,
         substeps: int = 4,
         blocks: int | None = None,
-        block_size: float = 0.08,
-        block_shape: str = "box",
-        radius: float = 0.40,
+        block_size: float = Ring.block_size,
+        block_shape: str = Ring.block_shape,
+        radius: float = Ring.radius,
         layout_seed: int | None = None,
         light: Light = DAYLIGHT,
         body: Body = EPUCK,
         pivot: str = "free",
-        tolerance: float = math.radians(4),
-        dwell: float = 0.5,
-        dwell_rate: float = 0.1,
+        tolerance: float = TOLERANCE,
+        dwell: float = DWELL,
+        dwell_rate: float = DWELL_RATE,
         senses: Sequence[str] = sensors.SENSES,
         render_mode: str | None = None,
         max_seconds: float | None = None,

@@ -8,6 +8,9 @@ import numpy as np
 from dntorch.body import check_positive
 from dntorch.envs.task import NOTHING
 
+TOLERANCE, DWELL, DWELL_RATE = math.radians(4), 0.5, 0.1
+"""When a block is found, unless a world says otherwise: rad, s, rad/s; see `Judge`."""
+
 
 class JudgeState(NamedTuple):
     block: int = NOTHING
@@ -48,9 +51,9 @@ class Judge:
 
     def __init__(
         self,
-        tolerance: float = math.radians(4),
-        dwell: float = 0.5,
-        dwell_rate: float = 0.1,
+        tolerance: float = TOLERANCE,
+        dwell: float = DWELL,
+        dwell_rate: float = DWELL_RATE,
         dt: float = 1 / 32,
     ) -> None:
         check_positive(tolerance=tolerance, dwell=dwell, dwell_rate=dwell_rate, dt=dt)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from dntorch.body import EPUCK
 from dntorch.cells.integrators import check_integrator
+from dntorch.checks import check_time_constant
 from dntorch.colors import PAPER, SEQUENCE, check_colors, check_sequence
-from dntorch.dynamics import check_time_constant
 from dntorch.envs.task import REWARD, REWARD_DURATION
 from dntorch.modules.find_color import FindColor
 from dntorch.modules.hebbian import HebbianQ

@@ -1,11 +1,13 @@
 """From a trained agent's checkpoint to artefacts, with a record of it at work."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from dntorch.colors import HUES, NAMES
 from dntorch.envs.task import NOTHING
@@ -20,9 +22,16 @@ from dntorch.export.golden import Golden, Outcome, record
 from dntorch.modules.sarsa import DNSarsa
 
 SECONDS = 28.2
-"""Length of the golden record; at 32 control steps a second 902."""
-UNITS = {"observation": "RGB 0-255, row 0 at the top", "action": "rad/s, left wheel first"}
-ABSTRACT = {"observation": "match of each behaviour, 0-1", "action": "intentions, 0-1"}
+"""Length of the golden record; at 32 control steps per second 902."""
+UNITS = {
+    "image": "RGB 0-255, row 0 at the top",
+    "proximity": "infra-red readings ps0 to ps7, near is large",
+    "wheels": "motor steps since the start, left wheel first, 1000 per turn",
+    "match": "match of each behaviour, 0-1",
+    "reward": "size of the reward signal, 1",
+    "noise": "added to the values [action, state], 1; zeros are exploitation",
+}
+"""Of inputs by name; others are empty in the manifest."""
 
 
 def export_run(
@@ -55,7 +64,7 @@ def export_run(
     return write(boundary, golden, folder, runtimes, "agent", about)
 
 
-def build_and_reset(config: Config) -> torch.Tensor:
+def build_and_reset(config: Config) -> dict[str, Tensor]:
     """The first observation of a run's world."""
     world = build_world(config)
     try:
@@ -65,7 +74,10 @@ def build_and_reset(config: Config) -> torch.Tensor:
 
 
 class Loop:
-    """Closes the loop for a golden record: explores for a while, at last stops learning."""
+    """Closes the loop for a golden record: explores for a while, at last stops learning.
+
+    One reward and one number of the noise are NaN, so that the record tells what becomes of them.
+    """
 
     def __init__(self, config: Config, world: World, steps: int) -> None:
         self.world, self.steps = world, steps
@@ -76,16 +88,22 @@ class Loop:
         self.rewards = 0
 
     def __call__(self, step: int, outcome: Outcome | None):
+        noise = self.none
         if outcome is not None:
             answer = self.world.step(outcome.outputs[0])
             self.observation, self.reward = answer.observation, answer.reward
             self.found += [answer.found] if answer.found != NOTHING else []
             self.rewards += int(answer.completed)
-        exploring = 0.6 < step / self.steps < 0.8
-        decisions = torch.tensor(0) if outcome is None else outcome.after["decisions"]
-        noise = self.exploration(decisions) if exploring else self.none
+            if 0.6 < step / self.steps < 0.8:
+                noise = self.exploration(outcome.after["decisions"])
+        reward = self.reward
+        if step == self.steps // 4:
+            reward = torch.full_like(reward, torch.nan)
+        if step == self.steps // 2:
+            noise = noise.clone()
+            noise[0, 1] = torch.nan
         learning = torch.tensor(float(step / self.steps < 0.9))
-        return (self.observation, self.reward, noise), {"learner.values.learning": learning}
+        return (self.observation, reward, noise), {"learner.values.learning": learning}
 
 
 def closed_loop(boundary: Boundary, config: Config) -> Golden:
@@ -112,24 +130,25 @@ def _run(boundary: Boundary, config: Config, steps: int) -> tuple[Golden, Loop]:
     world = build_world(config)
     try:
         loop = Loop(config, world, steps)
-        return record(boundary, loop, steps, _completes), loop
+        return record(boundary, loop, steps, _notable), loop
     finally:
         world.close()
 
 
-def _completes(outcome: Outcome) -> bool:
-    return not torch.equal(outcome.before["decisions"], outcome.after["decisions"])
+def _notable(outcome: Outcome) -> bool:
+    """Whether a behaviour was completed, or an input ignored."""
+    counts = ("decisions", "ignored")
+    return any(not torch.equal(outcome.before[name], outcome.after[name]) for name in counts)
 
 
 def _about(boundary: Boundary, config: Config) -> dict[str, Any]:
     """What the manifest of an agent says besides that of a structure."""
     agent = boundary.structure
-    camera = isinstance(getattr(agent.sensorimotor, "max_speed", None), float)
+    drives = math.isfinite(agent.sensorimotor.max_speed)
     about: dict[str, Any] = {
         "units": {
-            **(UNITS if camera else ABSTRACT),
-            "reward": "size of the reward signal, 1",
-            "noise": "added to the values [action, state], 1; zeros are exploitation",
+            **{port.name: UNITS.get(port.name, "") for port in boundary.inputs},
+            "action": "rad/s, left wheel first" if drives else "intentions, 0-1",
             "dt": "s",
         },
         "colors": [
@@ -143,6 +162,6 @@ def _about(boundary: Boundary, config: Config) -> dict[str, Any]:
         },
         "source": {"commit": commit(), "config": asdict(config)},
     }
-    if camera:
+    if drives:
         about["max_speed"] = agent.sensorimotor.max_speed
     return about

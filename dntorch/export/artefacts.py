@@ -14,7 +14,7 @@ from torch import Tensor
 import dntorch
 from dntorch.dynamics import Dynamics
 from dntorch.export import program, replay
-from dntorch.export.boundary import Boundary, Port
+from dntorch.export.boundary import Boundary, Input, Port
 from dntorch.export.golden import Golden, record
 from dntorch.export.program import Functional
 from dntorch.export.script import script
@@ -38,11 +38,11 @@ _WRITERS = {
 def export_structure(
     structure: Dynamics,
     folder: Path,
-    inputs: Sequence[Sequence[Tensor]],
+    inputs: Sequence[Sequence[Input]],
     runtimes: Sequence[str] = DEFAULT,
     name: str = "structure",
 ) -> Path:
-    """Export any structure, with a record of what it does with ``inputs``, one row a step."""
+    """Export any structure, with a record of what it does with ``inputs``, one row per step."""
     boundary = Boundary(structure, *inputs[0])
     rows = iter(inputs)
     golden = record(boundary, lambda step, outcome: (next(rows), {}), len(inputs))
@@ -94,9 +94,7 @@ def write(
 
 def describe(boundary: Boundary, name: str) -> dict[str, Any]:
     """The manifest of any structure."""
-    state = boundary.flatten(boundary.structure.state)
-    buffers = dict(boundary.structure.named_buffers())
-    learned = boundary.learned()
+    buffers, lasting = dict(boundary.structure.named_buffers()), boundary.lasting()
     return {
         "format": replay.FORMAT,
         "name": name,
@@ -108,8 +106,8 @@ def describe(boundary: Boundary, name: str) -> dict[str, Any]:
         "switches": [_port(p) | {"rest": _rest(buffers[p.name])} for p in boundary.switches],
         "outputs": [_port(port) for port in boundary.outputs],
         "state": [
-            _port(port) | {"rest": _rest(state[port.name]), "long_term": port.name in learned}
-            for port in boundary.state
+            _port(p) | {"rest": _rest(buffers[p.name]), "lasting": p.name in lasting}
+            for p in boundary.state
         ],
         "decisions": {},
         "tolerance": {"step": 1e-6, "aotinductor": 1e-5, "executorch": 1e-5, "free": 1e-4},

@@ -1,11 +1,15 @@
-"""The boundary of a structure: nested states as a flat list of named tensors, and back.
+"""The boundary of a structure: what goes into and comes out of one step, as tensors by name.
 
-Formats for other machines know tensors with names, not ``NamedTuple`` s. Names are paths:
-``behaviors.intention.u`` is ``state.behaviors.intention.u``.
+Formats for other machines know tensors with names, neither nested states nor observations.
+An input has the name of the parameter of ``step``, or its key in the observation. A tensor of
+the state has its name in ``structure.flat``, which is also that of the buffer that holds it:
+``behaviors.intention.u``.
 """
 
 import copy
 import inspect
+import keyword
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -16,6 +20,9 @@ from dntorch.dynamics import Dynamics
 
 SWITCHES = ("learning",)
 """Names of buffers that are neither state nor constant: they stay inputs of a function."""
+
+Input = Tensor | dict[str, Tensor]
+"""An argument of ``step``: a tensor, or an observation."""
 
 
 class Port(NamedTuple):
@@ -36,70 +43,97 @@ class Boundary:
     Args:
         structure: any structure of this library, or one of your own that keeps its contract.
             It is copied, since exported programs share memory with what they came from.
-        inputs: an example of each input of ``step``; shapes and dtypes are those exported.
+        inputs: an example of each input of ``step``; shapes and dtypes are those exported. Of an
+            observation only what the structure senses is exported.
 
-    >>> from dntorch import NodeWTA
+    Raises:
+        ValueError: two tensors with the same name; a key that cannot name an argument; a state
+            whose names are not those of buffers.
+
+    >>> from dntorch import DNSarsa, NodeWTA
     >>> boundary = Boundary(NodeWTA(3), torch.zeros(3))
     >>> [port.name for port in boundary.inputs + boundary.outputs + boundary.state]
     ['input', 'output', 'u']
+    >>> seen = {"match": torch.zeros(2), "image": torch.zeros(39, 52, 3)}
+    >>> boundary = Boundary(DNSarsa(2), seen, torch.zeros(()), torch.zeros(2, 2))
+    >>> [port.name for port in boundary.inputs + boundary.outputs]
+    ['match', 'reward', 'noise', 'action']
     """
 
-    def __init__(self, structure: Dynamics, *inputs: Tensor) -> None:
-        self.structure = copy.deepcopy(structure).eval()
-        names = list(inspect.signature(structure.step).parameters)[: len(inputs)]
-        self.inputs = [Port.of(name, value) for name, value in zip(names, inputs, strict=True)]
+    def __init__(self, structure: Dynamics, *inputs: Input) -> None:
+        self.structure = copy.deepcopy(structure).eval().requires_grad_(False)
         state = self.structure.state
-        self._state = pytree.tree_structure(state)
-        self.state = [Port.of(name, leaf) for name, leaf in self.flatten(state).items()]
-        self.switches = [
-            Port.of(name, buffer)
-            for name, buffer in self.structure.named_buffers()
-            if name.rpartition(".")[2] in SWITCHES
-        ]
         with torch.no_grad():
             output, _ = self.structure.step(*inputs, state)
+        parameters = list(inspect.signature(structure.step).parameters)[: len(inputs)]
+        self.takes = {name: _keys(structure, x) for name, x in zip(parameters, inputs, strict=True)}
+        """For each parameter of ``step`` the keys of its observation, None for a tensor."""
+        self.inputs = [Port.of(*pair) for pair in self._pairs(inputs)]
+        self.state = [Port.of(*pair) for pair in self.structure.flat(state).items()]
+        buffers = dict(self.structure.named_buffers())
+        self.switches = [
+            Port.of(name, buffer)
+            for name, buffer in buffers.items()
+            if name.rpartition(".")[2] in SWITCHES
+        ]
         leaves = pytree.tree_leaves(output)
-        single = "action" if "observation" in names else "output"
+        acts = any(keys is not None for keys in self.takes.values())
+        single = "action" if acts else "output"
         self.outputs = [
             Port.of(single if len(leaves) == 1 else f"{single}_{k}", leaf)
             for k, leaf in enumerate(leaves)
         ]
+        self._check(buffers)
 
-    def flatten(self, state: Any) -> dict[str, Tensor]:
-        """The tensors of a nested state by name, in the order of its fields."""
+    def named(self, inputs: Sequence[Input]) -> dict[str, Tensor]:
+        """The tensors in the arguments of a step by name of their port."""
+        return dict(self._pairs(inputs))
+
+    def arguments(self, tensors: Mapping[str, Tensor]) -> list[Input]:
+        """The arguments of a step from tensors by name of their port."""
+        return [
+            tensors[name] if keys is None else {key: tensors[key] for key in keys}
+            for name, keys in self.takes.items()
+        ]
+
+    def lasting(self) -> set[str]:
+        """Names of the tensors of the state that outlive ``reset``: what was learned, counts."""
         return {
-            ".".join(map(_step_name, path)): leaf
-            for path, leaf in pytree.tree_flatten_with_path(state)[0]
+            f"{path}.{name}" if path else name
+            for path, part in self.structure.named_modules()
+            if isinstance(part, Dynamics)
+            for name in part.lasting
         }
 
-    def unflatten(self, leaves: dict[str, Tensor] | list[Tensor] | tuple[Tensor, ...]) -> Any:
-        """The nested state of named tensors, or of tensors in the order of ``state``."""
-        if isinstance(leaves, dict):
-            leaves = [leaves[port.name] for port in self.state]
-        return pytree.tree_unflatten(list(leaves), self._state)
+    def _pairs(self, inputs: Sequence[Input]) -> list[tuple[str, Tensor]]:
+        pairs = []
+        for (name, keys), value in zip(self.takes.items(), inputs, strict=True):
+            pairs += [(name, value)] if keys is None else [(key, value[key]) for key in keys]
+        return pairs
 
-    def buffers(self) -> dict[str, str]:
-        """For each tensor of the state the buffer that holds it: found by moving it."""
-        probe = copy.deepcopy(self.structure)
-        rest, found = probe.state, {}
-        for name in self.flatten(rest):
-            probe.state = rest
-            before = probe.snapshot()
-            moved = self.flatten(rest)
-            moved[name] = moved[name] + 1
-            probe.state = self.unflatten(moved)
-            after = probe.snapshot()
-            (found[name],) = [key for key in after if not torch.equal(after[key], before[key])]
-        return found
+    def _check(self, buffers: Mapping[str, Tensor]) -> None:
+        """Raise unless every tensor has a name of its own, the state's those of its buffers."""
+        seen = set()
+        for port in self.inputs + self.switches + self.state + self.outputs:
+            if port.name in seen:
+                raise ValueError(
+                    f"two tensors of {type(self.structure).__name__} are called {port.name!r}: "
+                    "choose another key in the observation, or another name of the input"
+                )
+            seen.add(port.name)
+        for port in self.inputs:
+            if not port.name.isidentifier() or keyword.iskeyword(port.name):
+                raise ValueError(
+                    f"{port.name!r} cannot name an argument: choose a key such as 'left_camera'"
+                )
+        for port in self.state:
+            if port.name not in buffers:
+                raise ValueError(
+                    f"no buffer is called {port.name!r} as the state is: name each field of a "
+                    "state as the buffer or the part that holds it"
+                )
 
-    def learned(self) -> set[str]:
-        """Names of the tensors of the state that are long-term memory."""
-        persistent = self.structure.state_dict().keys()
-        return {name for name, buffer in self.buffers().items() if buffer in persistent}
 
-
-def _step_name(key: Any) -> str:
-    for attribute in ("name", "key", "idx"):
-        if hasattr(key, attribute):
-            return str(getattr(key, attribute))
-    return str(key)
+def _keys(structure: Any, value: Input) -> tuple[str, ...] | None:
+    """Which keys of an observation a structure reads; None for a tensor."""
+    return None if isinstance(value, Tensor) else tuple(getattr(structure, "senses", value))

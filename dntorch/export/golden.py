@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.utils import _pytree as pytree
 
-from dntorch.export.boundary import Boundary, Port
+from dntorch.export.boundary import Boundary, Input, Port
 from dntorch.noise import keyed_uniform
 
 EVERY = 50
@@ -41,7 +41,7 @@ class Golden:
         return {f"{s}/{k}": np.stack(v) for s, part in sections.items() for k, v in part.items()}
 
 
-Feed = Callable[[int, Outcome | None], tuple[Sequence[Tensor], Mapping[str, Tensor]]]
+Feed = Callable[[int, Outcome | None], tuple[Sequence[Input], Mapping[str, Tensor]]]
 
 
 @torch.inference_mode()
@@ -58,7 +58,7 @@ def record(
         notable: after which steps a snapshot is kept besides those every `EVERY` steps.
     """
     golden, outcome = Golden(), None
-    state = boundary.flatten(boundary.structure.state)
+    state = boundary.structure.flat(boundary.structure.state)
     kept = _switches(boundary)
     _extend(golden.start, "", state)
     switches = dict(kept)
@@ -73,7 +73,9 @@ def record(
             _pair(golden, boundary, step, inputs, switches, outcome)
         state = outcome.after
     for probe in range(PROBES):
-        inputs = [_random(port, probe, k) for k, port in enumerate(boundary.inputs)]
+        inputs = boundary.arguments(
+            {port.name: _random(port, probe, k) for k, port in enumerate(boundary.inputs)}
+        )
         wild = {
             port.name: _random(port, probe, 100 + k, signed=True)
             for k, port in enumerate(boundary.state)
@@ -86,8 +88,9 @@ def record(
 
 def _step(boundary: Boundary, inputs, switches, state) -> Outcome:
     _set(boundary, switches)
-    output, ahead = boundary.structure.step(*inputs, boundary.unflatten(state))
-    return Outcome(pytree.tree_leaves(output), state, boundary.flatten(ahead))
+    structure = boundary.structure
+    output, ahead = structure.step(*inputs, structure.nested(state))
+    return Outcome(pytree.tree_leaves(output), state, structure.flat(ahead))
 
 
 def _switches(boundary: Boundary) -> dict[str, Tensor]:
@@ -107,7 +110,7 @@ def _pair(golden: Golden, boundary: Boundary, step: int, inputs, switches, outco
 
 
 def _append(part: dict, boundary: Boundary, inputs, switches, outputs) -> None:
-    _extend(part, "", {port.name: x for port, x in zip(boundary.inputs, inputs, strict=True)})
+    _extend(part, "", boundary.named(inputs))
     _extend(part, "", switches)
     _extend(part, "", {port.name: x for port, x in zip(boundary.outputs, outputs, strict=True)})
 

@@ -24,11 +24,7 @@ NEXT = "next."
 
 
 class Functional(nn.Module):
-    """``(*inputs, *switches, *state) -> (valid, *outputs, *state)``, all plain tensors.
-
-    A graph can't raise. So if any input is not finite, ``valid`` is false, outputs are zero
-    (wheels stand still) and the state comes out as it went in.
-    """
+    """``(*inputs, *switches, *state) -> (*outputs, *state)``, all plain tensors."""
 
     def __init__(self, boundary: Boundary) -> None:
         super().__init__()
@@ -36,7 +32,7 @@ class Functional(nn.Module):
         self.core = _Core(boundary.structure)
         ports = boundary.inputs + boundary.switches + boundary.state
         self.takes = [port.name for port in ports]
-        self.gives = ["valid", *(port.name for port in boundary.outputs)]
+        self.gives = [port.name for port in boundary.outputs]
         self.gives += [NEXT + port.name for port in boundary.state]
         self.forward = self._named()  # what torch.export complains about then has its name
 
@@ -50,21 +46,19 @@ class Functional(nn.Module):
         return forward
 
     def step(self, *tensors: Tensor) -> tuple[Tensor, ...]:
-        first, last = len(self.boundary.inputs), len(self.takes) - len(self.boundary.state)
-        inputs, switches, state = tensors[:first], tensors[first:last], tensors[last:]
-        named = {f"structure.{p.name}": x for p, x in zip(self.boundary.switches, switches)}
-        arguments = (*inputs, self.boundary.unflatten(state))
-        output, ahead = torch.func.functional_call(self.core, named, arguments)
-        valid = all_finite([x for x in tensors if x.is_floating_point()], like=tensors[0])
-        outputs = [torch.where(valid, x, torch.zeros_like(x)) for x in pytree.tree_leaves(output)]
-        after = [torch.where(valid, new, old) for new, old in zip(pytree.tree_leaves(ahead), state)]
-        return valid, *outputs, *after
+        given, boundary = dict(zip(self.takes, tensors, strict=True)), self.boundary
+        switches = {f"structure.{port.name}": given[port.name] for port in boundary.switches}
+        state = boundary.structure.nested({port.name: given[port.name] for port in boundary.state})
+        arguments = (*boundary.arguments(given), state)
+        output, ahead = torch.func.functional_call(self.core, switches, arguments)
+        after = boundary.structure.flat(ahead)
+        return *pytree.tree_leaves(output), *(after[port.name] for port in boundary.state)
 
     def example(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         """Arguments: these inputs, switches on, the structure's state."""
-        buffers = dict(self.boundary.structure.named_buffers())
-        switches = [buffers[port.name].clone() for port in self.boundary.switches]
-        return (*inputs, *switches, *pytree.tree_leaves(self.boundary.structure.state))
+        structure = self.boundary.structure
+        switches = [structure.get_buffer(port.name).clone() for port in self.boundary.switches]
+        return (*inputs, *switches, *structure.flat(structure.state).values())
 
 
 class _Core(nn.Module):
@@ -74,13 +68,6 @@ class _Core(nn.Module):
 
     def forward(self, *arguments):
         return self.structure.step(*arguments)
-
-
-def all_finite(tensors: list[Tensor], like: Tensor) -> Tensor:
-    """Whether there is neither NaN nor infinity in any of them."""
-    if not tensors:
-        return torch.ones((), dtype=torch.bool, device=like.device)
-    return torch.isfinite(torch.cat([x.reshape(-1) for x in tensors])).all()
 
 
 def program(functional: Functional, *inputs: Tensor) -> torch.export.ExportedProgram:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-FORMAT = 1
+FORMAT = 2
 MANIFEST, GOLDEN = "manifest.json", "golden.npz"
 KEYS = ("name", "dt", "inputs", "switches", "outputs", "state", "files", "tolerance", "decisions")
 
@@ -71,12 +71,10 @@ class Function:
         self.held = {name: state[name] for name in self.names}
 
     def step(self, inputs, switches):
-        valid, *rest = self.call([*inputs.values(), *switches.values(), *self.held.values()])
-        if not bool(valid):
-            raise Unfit("an input is not finite: give numbers without NaN and infinity")
+        gives = self.call([*inputs.values(), *switches.values(), *self.held.values()])
         count = len(self.outputs)
-        self.held = dict(zip(self.names, rest[count:]))
-        return dict(zip(self.outputs, rest[:count]))
+        self.held = dict(zip(self.names, gives[count:]))
+        return dict(zip(self.outputs, gives[:count]))
 
 
 class Torch(Function):
@@ -227,8 +225,9 @@ def check(artefact, runtime, manifest, record):
     single = stepwise(artefact, manifest, record)
     wrong += [f"{n} differs by {g:.1e} in one step" for n, g in single.items() if g > step_limit]
     wrong += [f"{name} decides otherwise" for name in undecided]
-    # Transitions amplify rounding: fields may differ for some steps, long-term memory may not.
-    lasting = [p["name"] for p in manifest["state"] if p["long_term"]]
+    # Transitions amplify rounding: fields may differ for some steps; what was learned and what
+    # was counted may not.
+    lasting = [p["name"] for p in manifest["state"] if p["lasting"]]
     lasting = lasting if manifest["decisions"] else list(free)
     wrong += [
         f"{name} differs by {free[name]:.1e} running freely"
@@ -237,7 +236,7 @@ def check(artefact, runtime, manifest, record):
     ]
     for name, gap in single.items():
         alone = f"{free[name]:.1e}" if name in free else "-"
-        lines.append(f"  {name:32} {gap:12.1e} {alone:>12}")
+        lines.append(f"  {name:36} {gap:12.1e} {alone:>12}")
     return lines, wrong
 
 
@@ -248,9 +247,13 @@ def read(folder):
     """Manifest and golden record."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text())
+        if manifest.get("format") != FORMAT:
+            raise Unfit(
+                f"{MANIFEST} is of format {manifest.get('format')}, not {FORMAT}: export again"
+            )
         missing = [key for key in KEYS if key not in manifest]
-        if manifest.get("format") != FORMAT or missing:
-            raise Unfit(f"{MANIFEST} is not of format {FORMAT}, it lacks {missing}: export again")
+        if missing:
+            raise Unfit(f"{MANIFEST} lacks {missing}: export again")
     except FileNotFoundError:
         raise Unfit(f"{folder / MANIFEST} does not exist: name a folder of an export") from None
     except (ValueError, AttributeError) as error:
@@ -296,7 +299,7 @@ def verify(folder):
         except Exception as error:
             wrong = [str(error).strip().splitlines()[-1] if str(error) else repr(error)]
         if lines:
-            print(f"{name}\n  {'':32} {'step by step':>12} {'freely':>12}")
+            print(f"{name}\n  {'':36} {'step by step':>12} {'freely':>12}")
             print("\n".join(lines))
         print(f"{name}: {'FAILED: ' + '; '.join(wrong) if wrong else 'ok'}")
         well = well and not wrong

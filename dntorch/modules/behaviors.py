@@ -6,7 +6,8 @@ from torch import Tensor
 
 from dntorch.cells.node import NodeState
 from dntorch.cells.number import Number, span, wide
-from dntorch.dynamics import Dynamics, check_ends, check_parts, check_positive
+from dntorch.checks import check_ends, check_positive
+from dntorch.dynamics import Dynamics, check_parts
 from dntorch.modules.node import NodeWTA
 
 
@@ -89,7 +90,7 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
             raise ValueError(f"n={self.n}: give at least two behaviours to choose from")
         for name in ("value_gain", "completion_gain", "match_gain"):
             check_positive(name, getattr(self, name))
-        check_parts(self, self.n, self.dt)
+        check_parts(self, self.n)
 
     def output(self, state: BehaviorState) -> tuple[Tensor, Tensor]:
         """Firing rates of intention and CoS nodes."""

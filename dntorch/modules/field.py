@@ -10,7 +10,8 @@ from dntorch.cells.functions import sigmoid
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.kernels import SELECTIVE, Global, Kernel, Matrices, as_terms, assemble
 from dntorch.cells.number import Number, wide
-from dntorch.dynamics import Dynamics, check_ends, check_negative, check_time_constant
+from dntorch.checks import check_ends, check_negative, check_time_constant
+from dntorch.dynamics import Dynamics
 
 
 class DNF(Dynamics[FieldState]):
@@ -81,6 +82,7 @@ class DNF(Dynamics[FieldState]):
     __jit_unused_properties__ = ("kernel",)
     settable = ("kind", "substeps", "integrator")
     u: Tensor
+    shape: list[int]
     kernel_0: Tensor
     kernel_1: Tensor
     kernel_2: Tensor

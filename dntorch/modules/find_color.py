@@ -10,8 +10,8 @@ from dntorch.cells.color import hue_columns
 from dntorch.cells.field import FieldState
 from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
 from dntorch.cells.kernels import Gauss, Global, gauss_matrix
+from dntorch.checks import check_ends, check_positive
 from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE, PAPER, check_colors
-from dntorch.dynamics import check_ends, check_parts, check_positive
 from dntorch.modules.field import DNF
 from dntorch.modules.sensorimotor import Sensorimotor
 
@@ -150,7 +150,6 @@ class FindColor(Sensorimotor[ColorState]):
         super().check()
         for name in ("fov", "wheel_radius", "axle"):
             check_positive(name, getattr(self, name))
-        check_parts(self, self.n, self.dt)
 
     def percept(self, image: Tensor) -> Tensor:
         """Salience of each hue in each column, 0 to 1, ``(*batch, hues, columns)``."""

@@ -5,7 +5,9 @@ from torch import Tensor
 
 from dntorch.cells.hebbian import HebbianState, hebbian_step
 from dntorch.cells.number import Number
-from dntorch.dynamics import Dynamics, check_ends, check_positive, extended
+from dntorch.checks import check_ends, check_positive
+from dntorch.dynamics import Dynamics
+from dntorch.memory import extended
 
 
 class HebbianQ(Dynamics[HebbianState]):
@@ -83,6 +85,8 @@ class HebbianQ(Dynamics[HebbianState]):
     ) -> HebbianState:
         check_ends("active", active, [self.n, self.n])
         check_ends("trace", trace, [self.n, self.n])
+        check_ends("error", error, [])
+        check_ends("reward", reward, [])
         if reward.dim() > 0 and reward.shape != error.shape:
             raise ValueError(
                 f"reward of shape {list(reward.shape)} does not fit the batch "

@@ -11,7 +11,8 @@ from dntorch.cells.number import Number, span, wide
 from dntorch.cells.opposition import OppositionState
 from dntorch.cells.transient import TransientState
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.dynamics import Dynamics, check_ends, check_parts
+from dntorch.checks import check_ends
+from dntorch.dynamics import Dynamics, check_parts
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.opposition import ValueOpposition
 from dntorch.modules.transient import TPCell
@@ -86,7 +87,7 @@ class Learner(Dynamics[LearnerState]):
             raise ValueError(
                 f"coincidence_threshold={low if low <= 0 else high}: give a number between 0 and 1"
             )
-        check_parts(self, self.n, self.dt)
+        check_parts(self, self.n)
         n, shape = self.n, tuple(self.pulses.shape)
         if shape != (n, n):
             raise ValueError(f"pulses.shape={shape} does not fit: build TPCell(({n}, {n}))")

@@ -5,7 +5,8 @@ from torch import Tensor
 from dntorch.cells.functions import abs_sigmoid
 from dntorch.cells.node import NodeState, node_step
 from dntorch.cells.number import Number, wide
-from dntorch.dynamics import Dynamics, check_ends, check_negative, check_time_constant
+from dntorch.checks import check_ends, check_negative, check_time_constant
+from dntorch.dynamics import Dynamics
 
 
 class NodeWTA(Dynamics[NodeState]):

@@ -4,7 +4,8 @@ from torch import Tensor
 
 from dntorch.cells.number import Number, span, wide
 from dntorch.cells.opposition import OppositionState, opposition_step
-from dntorch.dynamics import Dynamics, check_ends, check_positive, check_time_constant
+from dntorch.checks import check_ends, check_positive, check_time_constant
+from dntorch.dynamics import Dynamics
 
 
 class ValueOpposition(Dynamics[OppositionState]):

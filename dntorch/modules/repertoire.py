@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor, nn
 
+from dntorch.checks import check_ends
 from dntorch.declare import within
-from dntorch.dynamics import check_ends
 from dntorch.modules.sensorimotor import Sensorimotor
 
 
@@ -55,12 +55,6 @@ class Repertoire(Sensorimotor[dict[str, Tensor]]):
         self.parts = nn.ModuleList(parts)
         self.n = sum(part.n for part in parts)
         self.senses = tuple(dict.fromkeys(name for part in parts for name in part.senses))
-
-    def check(self) -> None:
-        super().check()
-        for k, part in enumerate(self.parts):
-            if abs(part.dt - self.dt) > 1e-9 * self.dt:
-                raise ValueError(f"parts[{k}].dt={part.dt} does not fit dt={self.dt}")
 
     @property
     def state(self) -> dict[str, Tensor]:

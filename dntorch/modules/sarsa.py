@@ -8,7 +8,9 @@ from torch import Tensor
 from dntorch.cells.functions import came_on, finite, tainted
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.value import ValueState
-from dntorch.dynamics import Dynamics, check_ends, check_parts, counted
+from dntorch.checks import check_ends
+from dntorch.dynamics import Dynamics, check_parts
+from dntorch.memory import counted
 from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
 from dntorch.modules.learner import Learner, LearnerState
 from dntorch.modules.sensorimotor import Direct, Sensorimotor
@@ -113,7 +115,7 @@ class DNSarsa(Dynamics[AgentState]):
             self.register_buffer(name, torch.zeros((), dtype=torch.int64), persistent=False)
 
     def check(self) -> None:
-        check_parts(self, self.n, self.dt / self.substeps)
+        check_parts(self, self.n)
 
     def initial(self, batch: list[int]) -> AgentState:
         return AgentState(

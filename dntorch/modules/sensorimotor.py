@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from dntorch import declare
-from dntorch.dynamics import Dynamics, check_positive
+from dntorch.checks import check_positive
+from dntorch.dynamics import Dynamics
 
 S = TypeVar("S")
 
@@ -45,7 +46,6 @@ class Sensorimotor(Dynamics[S]):
             infinite for one that has no limit. Whoever holds the whole body limits, once.
     """
 
-    __constants__ = ("senses",)
     senses = ("",)  # without annotation: TorchScript knows no tuple of any length
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -60,6 +60,9 @@ class Sensorimotor(Dynamics[S]):
     def __init__(self, dt: float = 1 / 32, max_speed: float = math.inf) -> None:
         super().__init__(dt)
         self.max_speed = max_speed
+        for name in ("senses", "n"):  # TorchScript sees what the object has, not its class
+            if name in dir(type(self)):
+                setattr(self, name, getattr(type(self), name))
 
     def check(self) -> None:
         check_positive("max_speed", self.max_speed)

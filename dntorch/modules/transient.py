@@ -4,7 +4,8 @@ from torch import Tensor
 
 from dntorch.cells.number import Number, wide
 from dntorch.cells.transient import TransientState, transient_step
-from dntorch.dynamics import Dynamics, check_ends, check_time_constant
+from dntorch.checks import check_ends, check_time_constant
+from dntorch.dynamics import Dynamics
 
 
 class TPCell(Dynamics[TransientState]):
@@ -43,6 +44,7 @@ class TPCell(Dynamics[TransientState]):
 
     pulse: Tensor
     inhibitory: Tensor
+    shape: list[int]
 
     def __init__(self, shape: tuple[int, ...], tau: Number = 0.5, dt: float = 1 / 32) -> None:
         super().__init__(dt)

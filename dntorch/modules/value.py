@@ -5,7 +5,8 @@ from torch import Tensor
 
 from dntorch.cells.number import Number, wide
 from dntorch.cells.value import ValueState, value_step
-from dntorch.dynamics import Dynamics, check_ends, check_positive, check_time_constant
+from dntorch.checks import check_ends, check_positive, check_time_constant
+from dntorch.dynamics import Dynamics
 
 
 class ValueNodes(Dynamics[ValueState]):

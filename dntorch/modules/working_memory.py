@@ -4,7 +4,8 @@ from torch import Tensor
 
 from dntorch.cells.number import Number, span, wide
 from dntorch.cells.working_memory import WorkingMemoryState, working_memory_step
-from dntorch.dynamics import Dynamics, check_ends, check_time_constant
+from dntorch.checks import check_ends, check_time_constant
+from dntorch.dynamics import Dynamics
 
 
 class ItemOrderWM(Dynamics[WorkingMemoryState]):
@@ -76,8 +77,8 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
         (shortest, _), (_, gain) = span(self.tau), span(self.excitation + self.feedback)
         if self.dt * gain > shortest:
             raise ValueError(
-                f"dt={self.dt} with tau={shortest}: two pulses at once would be cut short; take "
-                f"dt <= {shortest / gain:.4g}"
+                f"dt={self.dt} with tau={shortest}: activity could leave [0, 1]; take dt <= "
+                f"{shortest / gain:.4g}, or less excitation and feedback"
             )
 
     def initial(self, batch: list[int]) -> WorkingMemoryState:

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple, Protocol
 
+from dntorch.body import EPUCK, EPUCK1_LIMIT, EPUCK2_LIMIT
 from dntorch.robot.codecs import ProtocolError, Stream, sercom, sercom2, wifi
 from dntorch.robot.codecs.rgb565 import Picture
 
@@ -48,7 +49,7 @@ class Wifi:
     is complete when both are newer than those of the reading before.
     """
 
-    limit = 1100  # MOTOR_SPEED_LIMIT of the main processor
+    limit = EPUCK2_LIMIT
     watchdog = 0.5
 
     def __init__(self) -> None:
@@ -94,12 +95,12 @@ class Sercom:
         width, height, zoom: of the image, in pixels and sensor pixels a pixel.
     """
 
-    limit = 1000
+    limit = EPUCK1_LIMIT
     watchdog = 0.8  # an image of 52x39 is 0.35 s on its way
     asked: tuple[int, ...] = (sercom.IMAGE, sercom.PROXIMITY, sercom.GET_STEPS)
     answers = sercom.ANSWERS
 
-    def __init__(self, width: int = 52, height: int = 39, zoom: int = 8) -> None:
+    def __init__(self, width: int = EPUCK.width, height: int = EPUCK.height, zoom: int = 8) -> None:
         self.window = width, height, zoom
         self.hello()
 
@@ -163,7 +164,7 @@ class Sercom:
 class Sercom2(Sercom):
     """The e-puck2 over a serial line: as `Sercom`, but all sensors come in one answer."""
 
-    limit = 1100
+    limit = EPUCK2_LIMIT
     asked = (sercom.IMAGE, sercom2.ALL_SENSORS)
     answers = sercom2.ANSWERS
 

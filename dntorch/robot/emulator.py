@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dntorch.body import STEPS_PER_TURN, Body
+from dntorch.body import EPUCK1_LIMIT, EPUCK2_LIMIT, STEPS_PER_TURN, Body
 from dntorch.robot.camera import Camera
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.codecs import wifi
@@ -18,10 +18,15 @@ from dntorch.robot.servers import Link, Server
 
 #: The body of an e-puck2 with its whole image over Wi-Fi; nothing but the motors limits it.
 #: fov: 640x480 sensor pixels with a focal length of 941 (cyberbotics/epuck_ros2, camera.yaml).
-WIFI_BODY = Body(fov=0.656, width=160, height=120, speed_cap=1100 * math.tau / STEPS_PER_TURN)
+WIFI_BODY = Body(
+    fov=0.656,
+    width=wifi.WIDTH,
+    height=wifi.HEIGHT,
+    speed_cap=EPUCK2_LIMIT * math.tau / STEPS_PER_TURN,
+)
 
 #: The body of an e-puck1 over a serial line: 52 columns of 8 sensor pixels each, 416 in all.
-SERCOM_BODY = Body(fov=0.435, width=52, height=39, speed_cap=1000 * math.tau / STEPS_PER_TURN)
+SERCOM_BODY = Body(fov=0.435, speed_cap=EPUCK1_LIMIT * math.tau / STEPS_PER_TURN)
 
 #: The same line to an e-puck2, which makes 4 of a zoom of 8: it sees half as much.
 SERCOM2_BODY = replace(SERCOM_BODY, fov=0.220, speed_cap=WIFI_BODY.speed_cap)

@@ -62,7 +62,7 @@ struct Agent {
   }
   Tensor step(const Record& record, int64_t k) {
     learn(record.at(LEARNING, k).item<float>() > 0);
-    return step(record.at("observation", k), record.at("reward", k), record.at("noise", k));
+    return step(record.at("image", k), record.at("reward", k), record.at("noise", k));
   }
   void learn(bool on) {
     if (on != learning) module.run_method("learn", on);
@@ -133,7 +133,7 @@ std::string summary(std::vector<double> milliseconds) {
 // One control step, frame in, wheel speeds out, and how many milliseconds it took.
 double control(Agent& agent, const Record& run, int64_t k) {
   const int64_t row = k % run.steps();
-  const Tensor image = run.at("observation", row);  // a camera goes here
+  const Tensor image = run.at("image", row);  // a camera goes here
   const Tensor reward = run.at("reward", row), noise = torch::zeros_like(run.at("noise", row));
   const auto began = Clock::now();
   const Tensor wheels = agent.step(image, reward, noise);

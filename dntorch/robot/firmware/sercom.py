@@ -6,6 +6,7 @@ the e-puck2's main processor.
 
 import numpy as np
 
+from dntorch.body import EPUCK1_LIMIT, EPUCK2_LIMIT
 from dntorch.robot.codecs import Stream, rgb565, sercom, sercom2, wifi
 from dntorch.robot.firmware.base import Feel, Look, clip
 from dntorch.robot.images import resample
@@ -20,7 +21,7 @@ class SercomFirmware:
     """
 
     def __init__(self, version: int = 1, room: int = 52 * 39 * 2) -> None:
-        self.limit = 1000 if version == 1 else 1100
+        self.limit = EPUCK1_LIMIT if version == 1 else EPUCK2_LIMIT
         self.version, self.room = version, room
         self.speeds, self.counters, self.calibrations = (0, 0), None, 0
         self.camera = (1, 40, 40, 8)

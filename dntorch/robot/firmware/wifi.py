@@ -3,6 +3,7 @@
 Sources: ``socket_e-puck2.c`` of the e-puck2's ESP32, ``e-puck2_server.c`` of Webots.
 """
 
+from dntorch.body import EPUCK2_LIMIT
 from dntorch.robot.codecs import rgb565, wifi
 from dntorch.robot.firmware.base import Feel, Look, clip
 from dntorch.robot.images import resample
@@ -24,7 +25,7 @@ class WifiFirmware:
     ============ ====================================================================
     """
 
-    limit = 1100
+    limit = EPUCK2_LIMIT
 
     def __init__(self, pacing: str = "firmware") -> None:
         if pacing not in PACINGS:

@@ -1,0 +1,50 @@
+"""What inputs and parameters must be; each sentence names argument, value and remedy."""
+
+import torch
+from torch import Tensor
+
+from dntorch.cells.number import Number, span
+
+
+def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
+    """Raise unless the last dimensions of an input are ``end``; it would broadcast in silence."""
+    if not isinstance(tensor, Tensor):
+        refuse_input(name, tensor)
+    given = list(tensor.shape)
+    if given[max(len(given) - len(end), 0) :] != end:
+        raise ValueError(
+            f"{name} of shape {given} does not end in {end} after its batch: reshape it, or build "
+            "the structure with another size"
+        )
+
+
+@torch.jit.ignore
+def refuse_input(name: str, value: Tensor) -> None:
+    raise TypeError(
+        f"{name} is a {type(value).__name__}: give a tensor, such as torch.as_tensor({name})"
+    )
+
+
+def check_time_constant(name: str, tau: Number, dt: float) -> None:
+    """Raise unless an explicit step of ``dt`` can follow a decay with time constant ``tau``."""
+    shortest, _ = span(tau)
+    check_positive(name, tau, "give seconds")
+    if dt > shortest:
+        raise ValueError(
+            f"dt={dt} is longer than {name}={shortest}: an explicit step would overshoot; "
+            "take a smaller dt, or sub-steps"
+        )
+
+
+def check_positive(name: str, number: Number, remedy: str = "give a number above 0") -> None:
+    """Raise unless a number, or each of many, is above zero."""
+    low = None if number is None else span(number)[0]
+    if low is None or not low > 0:
+        raise ValueError(f"{name}={low} must be positive: {remedy}")
+
+
+def check_negative(name: str, number: Number, why: str) -> None:
+    """Raise unless a number, or each of many, is below zero."""
+    _, high = span(number)
+    if not high < 0:
+        raise ValueError(f"{name}={high} must be negative: {why}")

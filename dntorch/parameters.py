@@ -1,0 +1,138 @@
+"""Parameters of a structure: checked whenever they are set, one number or one per agent."""
+
+import difflib
+import inspect
+import math
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from dntorch.cells.number import Number
+
+_MANY = (Number, Number | None)
+_NUMERIC = (float, float | None, *_MANY)
+_MISSING = object()
+
+
+class Parameters(nn.Module):
+    """A module whose constructor's arguments are its parameters; see `dntorch.Dynamics`.
+
+    Attributes:
+        settable: arguments other than numbers that may be set after construction.
+        fixed: numbers that may not.
+    """
+
+    settable: ClassVar[tuple[str, ...]] = ()
+    fixed: ClassVar[tuple[str, ...]] = ("dt",)
+    _arguments: ClassVar[dict[str, inspect.Parameter]] = {}
+    origin: Tensor
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "__init__" in cls.__dict__:
+            try:
+                signature = inspect.signature(cls.__init__, eval_str=True)
+            except NameError:  # an annotation that only a type checker can look up
+                signature = inspect.signature(cls.__init__)
+            _, *own = signature.parameters.values()
+            cls._arguments = cls._arguments | {each.name: each for each in own}
+
+    def check(self) -> None:
+        """Raise unless the parameters fit each other; called when one of them was set."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        argument = type(self)._arguments.get(name)
+        ready = self.__dict__.get("_ready", False)
+        if argument is None or isinstance(getattr(type(self), name, None), property):
+            if ready and argument is None and not name.startswith("_"):
+                self._refuse_misspelling(name)
+            super().__setattr__(name, value)
+        elif ready:
+            self._change(argument, value)
+        else:
+            self._place(name, self._as_held(argument, value))
+
+    def _change(self, argument: inspect.Parameter, value: Any) -> None:
+        """Set a parameter of a finished structure, or leave everything as it was."""
+        name, before = argument.name, getattr(self, argument.name, _MISSING)
+        value, numeric = self._as_held(argument, value), argument.annotation in _NUMERIC
+        part = isinstance(value, nn.Module)
+        try:
+            self._place(name, value)
+            self._check_all()
+            check_batch(self, list(self.origin.shape))
+            if name in self.fixed or not (numeric or part or name in self.settable):
+                raise ValueError(
+                    f"{name}={value} can't be set: {name} is fixed when a {type(self).__name__} "
+                    "is built; build another one"
+                )
+        except Exception:
+            self._place(name, before)
+            raise
+        if part:
+            self.resize(*self.origin.shape)
+
+    def _place(self, name: str, value: Any) -> None:
+        if name in self.__dict__ or name in self._buffers or name in self._parameters:
+            delattr(self, name)
+        if isinstance(value, Tensor) and not isinstance(value, nn.Parameter):
+            self.register_buffer(name, value, persistent=False)
+        elif value is not _MISSING:
+            super().__setattr__(name, value)
+
+    def _as_held(self, argument: inspect.Parameter, value: Any) -> Any:
+        """A parameter as it is held; refuses what is no finite number where one belongs."""
+        name, default = argument.name, argument.default
+        if argument.annotation not in _NUMERIC or (value is None and default is None):
+            return value
+        if isinstance(value, Tensor) and argument.annotation in _MANY:
+            if not value.is_meta and not bool(value.isfinite().all()):
+                raise ValueError(f"{name}={value.tolist()} is not finite: give numbers")
+            own = isinstance(value, nn.Parameter)  # which an optimizer may already hold
+            return value if own else value.to(self._buffers.get("origin", torch.zeros(())))
+        if isinstance(value, Tensor) and value.numel() != 1:
+            raise ValueError(f"{name}={value.tolist()}: give one number, the same for all agents")
+        try:
+            if isinstance(value, (bool, str)):
+                raise TypeError
+            number = float(value)
+        except (TypeError, ValueError):
+            raise TypeError(f"{name}={value!r} is no number: give a float") from None
+        if not math.isfinite(number) and number != default:
+            raise ValueError(f"{name}={value} is not finite: give a number")
+        return number
+
+    @classmethod
+    def _numeric(cls) -> list[str]:
+        """Names of the parameters that are numbers."""
+        return [name for name, each in cls._arguments.items() if each.annotation in _NUMERIC]
+
+    def _numbers(self) -> dict[str, Tensor]:
+        """Parameters that are tensors, one number per agent."""
+        held = {**self._buffers, **self._parameters}
+        return {k: held[k] for k in self._numeric() if isinstance(held.get(k), Tensor)}
+
+    def extra_repr(self) -> str:
+        """The parameters, for ``print``."""
+        names = [k for k in self._arguments if k not in self._modules and hasattr(self, k)]
+        return ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
+
+    def _refuse_misspelling(self, name: str) -> None:
+        near = difflib.get_close_matches(name.lower(), self._arguments, 1, cutoff=0.86)
+        if near and not hasattr(self, name):
+            raise AttributeError(
+                f"{type(self).__name__} has no parameter {name!r}: did you mean {near[0]!r}?"
+            )
+
+
+def check_batch(structure: nn.Module, batch: list[int]) -> None:
+    """Raise unless numbers per agent, here and in all parts, are for ``batch``."""
+    for path, part in structure.named_modules():
+        for name, number in part._numbers().items() if isinstance(part, Parameters) else ():
+            where, shape = ".".join(filter(None, (path, name))), list(number.shape)
+            if shape and shape != batch:
+                raise ValueError(
+                    f"{where} of shape {shape} does not fit the batch {batch}: give one number, or "
+                    "one for each agent; call resize(*batch) or spread(*batch) before"
+                )
