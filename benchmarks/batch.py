@@ -74,6 +74,12 @@ extern "C" void step(Agent* agents, const float* match, const float* reward, con
 """
 
 
+def preference() -> np.ndarray:
+    """What the value nodes suggest where nothing was learned."""
+    nodes = DNSarsa(4).value_nodes
+    return (nodes.baseline * nodes.ladder).numpy()
+
+
 class Modules:
     """The library."""
 
@@ -104,7 +110,7 @@ class Arrays:
         self.s["ui"] -= 5
         self.s["uc"] -= 5
         self.off = (1 - np.eye(4)).astype(np.float32)
-        self.base = DNSarsa(4).value_nodes.baseline.numpy()
+        self.base = preference()
         self.noise = np.zeros((batch, 4, 4), np.float32)
 
     def step(self, match: np.ndarray, reward: np.ndarray) -> None:
@@ -152,7 +158,7 @@ class Floor:
         self.agents = np.zeros((batch, sum(SIZES.values())), np.float32)
         self.agents[:, :8] = -5
         self.noise = np.zeros((batch, 16), np.float32)
-        self.base = DNSarsa(4).value_nodes.baseline.numpy()
+        self.base = preference()
 
     def step(self, match: np.ndarray, reward: np.ndarray) -> None:
         pointers = (

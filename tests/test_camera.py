@@ -143,7 +143,7 @@ def look(letters, images, seconds=1.5, body=None):
         left, right = body({"image": images}, intentions).unbind(-1)
         assert torch.equal(left, -right)
     lit = (body.perception.output(body.perception.state) > 0.5).any(1)
-    return Sight(right, body.match(images, body.state), lit)
+    return Sight(right, body.match({"image": images}, body.state), lit)
 
 
 SCAN = 0.3 * 0.052 / 2 / 0.020

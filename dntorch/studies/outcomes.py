@@ -33,7 +33,8 @@ def policies(weights: np.ndarray, config: Config) -> np.ndarray:
 
     Where nothing has been learned, the innate preference of the value nodes decides.
     """
-    preference = build_agent(config).value_nodes.baseline.double().numpy()
+    nodes = build_agent(config).value_nodes
+    preference = (nodes.baseline * nodes.ladder).double().numpy()
     wanted = np.maximum(weights, 0) + preference
     choice = np.where(np.eye(len(preference), dtype=bool), -np.inf, wanted).argmax(-1)
     return executes(choice, np.array(indices(config.sequence, config.colors)))
