@@ -9,7 +9,6 @@ from importlib.metadata import PackageNotFoundError, version
 
 from dntorch import envs
 from dntorch.cells.kernels import Gauss, Global, Matrices
-from dntorch.cells.number import Number
 from dntorch.dynamics import Dynamics
 from dntorch.modules.behaviors import ElementaryBehaviors
 from dntorch.modules.field import DNF
@@ -25,6 +24,7 @@ from dntorch.modules.transient import TPCell
 from dntorch.modules.value import ValueNodes
 from dntorch.modules.working_memory import ItemOrderWM
 from dntorch.noise import Exploration
+from dntorch.number import Number
 
 try:
     __version__ = version("dntorch")

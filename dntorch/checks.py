@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from dntorch.cells.number import Number, span
+from dntorch.number import Number, span
 
 
 def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
@@ -48,3 +48,9 @@ def check_negative(name: str, number: Number, why: str) -> None:
     _, high = span(number)
     if not high < 0:
         raise ValueError(f"{name}={high} must be negative: {why}")
+
+
+def check_count(name: str, number: int, least: int = 1) -> None:
+    """Raise unless a number is whole and large enough."""
+    if not isinstance(number, int) or isinstance(number, bool) or number < least:
+        raise ValueError(f"{name}={number!r}: give a whole number, at least {least}")

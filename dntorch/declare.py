@@ -32,13 +32,13 @@ def fields(state: Any) -> dict[str, str]:
     """Kind of each field of a state: ``tensor``, ``part`` or, of an open set of names, ``dict``."""
     kinds = {}
     for name, kind in get_type_hints(state).items():
-        whole = kind is Tensor or get_origin(kind) is dict
-        kinds[name] = ("tensor" if kind is Tensor else "dict") if whole else "part"
+        many = get_origin(kind) is dict
+        kinds[name] = "tensor" if kind is Tensor else "dict" if many else "part"
     return kinds
 
 
 def write_plumbing(cls: type, state: Any) -> None:
-    """All that moves, names and compares a state of this type."""
+    """All that moves, names and averages a state of this type."""
     names = {
         "State": state, "Tensor": Tensor, "overwrite": overwrite, "halfway": halfway,
         "within": within, "halfway_each": halfway_each, "remember": remember,
@@ -54,7 +54,7 @@ def write_plumbing(cls: type, state: Any) -> None:
             ("halfway(self, start: State, end: State) -> State",
              ["return halfway_each(start, end)"], ""),
             ("reset(self) -> None", ["pass"], "@export"),
-            ("forget(self) -> None", ["pass"], "@export"),
+            ("forget(self) -> None", _forgotten(cls.lasting) or ["pass"], "@export"),
         )  # fmt: skip
     else:
         source = _fields_source(fields(state), cls.lasting)
@@ -103,8 +103,7 @@ def _fields_source(kinds: dict[str, str], lasting: tuple[str, ...]) -> str:
     if fading:
         reset.append("rest = self.initial(list(self.origin.shape))")
         reset += [f"overwrite(self.{name}, rest.{name})" for name in fading]
-    forget = [f"self.{name}.zero_()" for name in lasting]
-    forget += [f"self.{name}.forget()" for name in parts]
+    forget = _forgotten(lasting) + [f"self.{name}.forget()" for name in parts]
     methods = [
         ("state(self) -> State", whole(held), "@property"),
         ("state(self, state: State) -> None", ["self.write(state)"], "@state.setter"),
@@ -120,6 +119,10 @@ def _fields_source(kinds: dict[str, str], lasting: tuple[str, ...]) -> str:
     if not own:
         methods.append(("initial(self, batch: list[int]) -> State", whole(rest), ""))
     return _source(*methods)
+
+
+def _forgotten(lasting: tuple[str, ...]) -> list[str]:
+    return [f"self.{name}.zero_()" for name in lasting]
 
 
 def _source(*methods: tuple[str, list[str], str]) -> str:

@@ -56,7 +56,7 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
             def output(self, state: NodeState) -> Tensor:              # a tensor of its own
                 return state.u.clone()
 
-    A field of the state bears the name of the attribute that holds it: a buffer (``Tensor``)
+    Each entry of the state has the name of the attribute that holds it: a buffer (``Tensor``)
     or a part, another structure (the type of its state, or ``dict[str, Tensor]`` for a part of
     any type). From this follow
 
@@ -105,7 +105,9 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
         super().__init_subclass__(**kwargs)
         state = declare.state_type(cls, Dynamics)
         if state is not None:
-            declare.write_plumbing(cls, state)
+            cls._declared = state
+        if state is not None or "lasting" in cls.__dict__:
+            declare.write_plumbing(cls, cls._declared)
         declare.write_steps(cls)
 
     def __init__(self, dt: float) -> None:
@@ -127,11 +129,11 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
 
     def _check_all(self) -> None:
         """`check`, and that all parts step together."""
-        dt = self.dt / max(getattr(self, "substeps", 1), 1)
+        self.check()
+        dt = self.dt / getattr(self, "substeps", 1)
         for name, part in _direct_parts(self):
             if abs(part.dt - dt) > 1e-9 * dt:
                 raise ValueError(f"{name}.dt={part.dt} does not fit: build the part with dt={dt}")
-        self.check()
 
     # ------------------------------------------------------------- batch
 

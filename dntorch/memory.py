@@ -21,7 +21,7 @@ class Memory(Parameters):
     lasting: ClassVar[tuple[str, ...]] = ()
 
     @torch.jit.unused
-    def structures(self) -> "list[Memory]":
+    def _structures(self) -> "list[Memory]":
         """This structure and all that it is composed of."""
         return [part for part in self.modules() if isinstance(part, Memory)]
 
@@ -35,15 +35,8 @@ class Memory(Parameters):
         return self.resize(*batch)
 
     def _spread(self, name: str, batch: tuple[int, ...]) -> Tensor:
-        memory = self._buffers[name]
-        own = list(memory.shape[: memory.dim() - self._rank[name]])
-        if list(batch)[len(batch) - len(own) :] != own:
-            raise ValueError(
-                f"batch={list(batch)} does not fit {name} of batch {own}: call select(k) to keep "
-                "that of one first"
-            )
         with torch.inference_mode(False):
-            return memory.expand(*batch, *memory.shape[len(own) :]).clone()
+            return extended(self._buffers[name], self._rank[name], list(batch))
 
     @torch.jit.unused
     def select(self, index: int) -> "Memory":
@@ -65,7 +58,7 @@ class Memory(Parameters):
 
         with torch.inference_mode(False):
             structure = copy.deepcopy(self)
-            for part in structure.structures():
+            for part in structure._structures():
                 for name in part.lasting:
                     buffer = part._buffers[name]
                     rank = part._rank.get(name, buffer.dim() - len(batch))
@@ -96,7 +89,7 @@ class Memory(Parameters):
     def _own_batch(self) -> torch.Size:
         """The batch in which numbers are given and parts have learned."""
         shapes = [torch.Size()]
-        for part in self.structures():
+        for part in self._structures():
             shapes += [number.shape for number in part._numbers().values()]
             shapes += [x.shape[: x.dim() - part._rank[k]] for k, x in part._memory().items()]
         return torch.broadcast_shapes(*shapes)
@@ -108,7 +101,7 @@ class Memory(Parameters):
 
 
 def _memories(structure: Memory) -> list[tuple[Memory, str]]:
-    return [(part, name) for part in structure.structures() for name in part._memory()]
+    return [(part, name) for part in structure._structures() for name in part._memory()]
 
 
 def _refuse_coarse_memory(structure: Memory, dtype: torch.dtype) -> None:
@@ -125,7 +118,7 @@ def extended(memory: Tensor, rank: int, batch: list[int]) -> Tensor:
     own = list(memory.shape[: memory.dim() - rank])
     if batch[len(batch) - len(own) :] != own:
         raise ValueError(
-            f"batch={batch} does not fit weights of batch {own}: call select(k) to keep those "
+            f"batch={batch} does not fit memory of batch {own}: call select(k) to keep that "
             "of one first"
         )
     return memory.expand(batch + list(memory.shape[memory.dim() - rank :])).clone()

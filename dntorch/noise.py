@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dntorch.cells.number import Number, span
+from dntorch.number import Number, span
 
 MASK = 0xFFFFFFFF
 MULTIPLIERS = (0xD2511F53, 0xCD9E8D57)
@@ -44,7 +44,7 @@ def keyed_uniform(
         seed: of the experiment, 0 to 2**32 - 1, or one of each agent's, int64, ``(*batch,)``.
         agent: number of each agent, int64, ``(*batch,)``.
         occasion: number of its decision (or visit, …), int64, ``(*batch,)``.
-        count: numbers a draw.
+        count: numbers per draw.
         stream: what they are for; draws for different purposes are independent.
 
     >>> alone = keyed_uniform(7, torch.tensor([3]), torch.tensor([5]), 2, 0)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
-from dntorch.cells.number import Number
+from dntorch.number import Number
 
 _MANY = (Number, Number | None)
 _NUMERIC = (float, float | None, *_MANY)
@@ -45,7 +45,8 @@ class Parameters(nn.Module):
         argument = type(self)._arguments.get(name)
         ready = self.__dict__.get("_ready", False)
         if argument is None or isinstance(getattr(type(self), name, None), property):
-            if ready and argument is None and not name.startswith("_"):
+            own = name.startswith("_") or hasattr(type(self), name)  # such as ``state``
+            if ready and argument is None and not own:
                 self._refuse_misspelling(name)
             super().__setattr__(name, value)
         elif ready:
@@ -56,17 +57,17 @@ class Parameters(nn.Module):
     def _change(self, argument: inspect.Parameter, value: Any) -> None:
         """Set a parameter of a finished structure, or leave everything as it was."""
         name, before = argument.name, getattr(self, argument.name, _MISSING)
-        value, numeric = self._as_held(argument, value), argument.annotation in _NUMERIC
-        part = isinstance(value, nn.Module)
+        value, part = self._as_held(argument, value), isinstance(value, nn.Module)
+        numeric = argument.annotation in _NUMERIC
+        if name in self.fixed or not (numeric or part or name in self.settable):
+            raise ValueError(
+                f"{name}={value} can't be set: {name} is fixed when a {type(self).__name__} is "
+                "built; build another one"
+            )
         try:
             self._place(name, value)
             self._check_all()
             check_batch(self, list(self.origin.shape))
-            if name in self.fixed or not (numeric or part or name in self.settable):
-                raise ValueError(
-                    f"{name}={value} can't be set: {name} is fixed when a {type(self).__name__} "
-                    "is built; build another one"
-                )
         except Exception:
             self._place(name, before)
             raise

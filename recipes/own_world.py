@@ -82,7 +82,7 @@ class Cart(Sensorimotor[CartState]):
         for name, numbers in {"rail": rail, "stations": stations, "near": near}.items():
             self.register_buffer(name, numbers, persistent=False)
 
-    def match(self, observation: dict[str, Tensor], state: CartState) -> Tensor:
+    def match(self, _observation: dict[str, Tensor], state: CartState) -> Tensor:
         return (self.place.output(state.place) @ self.near.t() / 2).clamp_max(1.0)
 
     def advance(

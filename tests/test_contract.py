@@ -240,12 +240,14 @@ def test_forward_is_step_and_memory(case):
 def test_a_step_moves_every_part_of_the_state(case):
     """Or tests of the state could pass on a structure that stands still."""
     module = awake(case)
-    before = module.state
+    before = module.flat(module.state)
     for inputs in stream(case, 20):
         module(*inputs)
-    for old, new in zip(tree_leaves(before), tree_leaves(module.state), strict=True):
-        # An arbitrary image satisfies no behaviour, and all is finite: counts may stay.
-        assert not torch.equal(old, new) or new.dtype == torch.int64
+    stay = {"ignored"}  # since all is finite
+    if isinstance(inputs[0], dict) and "image" in inputs[0]:
+        stay.add("decisions")  # an arbitrary image satisfies no behaviour
+    for name, new in module.flat(module.state).items():
+        assert not torch.equal(before[name], new) or name in stay
 
 
 @every_structure
@@ -565,7 +567,6 @@ def test_commands_survive_scripting(name):
     agent(*inputs)
     learned = values.weights.clone()
     assert not torch.equal(learned, start)
-    assert agent.decisions > 0
     counted = agent.decisions.clone()
     agent.reset()
     assert agent.decisions == counted and (agent.behaviors.intention.u == -5).all()

@@ -98,6 +98,23 @@ def test_memory_of_a_structure_of_ones_own():
         Forgetful()
 
 
+class Twice(HebbianQ):
+    """A subclass that keeps more."""
+
+    lasting = ("weights", "more")
+
+    def __init__(self, n: int):
+        super().__init__(n)
+        self.register_buffer("more", torch.ones(n))
+
+
+def test_memory_that_a_subclass_adds_follows():
+    module = Twice(3).spread(2)
+    assert tuple(module.more.shape) == (2, 3) and tuple(module.select(1).more.shape) == (3,)
+    module.forget()
+    assert not module.more.any() and not module.weights.any()
+
+
 # Counts
 
 

@@ -3,13 +3,25 @@
 import copy
 import inspect
 import math
+from typing import NamedTuple
 
 import pytest
 import torch
 from test_contract import CASES, N, assert_same, compiled, exported, jit, over, scripted, stream
-from torch import nn
+from torch import Tensor, nn
 
-from dntorch import DNF, DNSarsa, ElementaryBehaviors, Gauss, Global, HebbianQ, Matrices, NodeWTA
+from dntorch import (
+    DNF,
+    DNSarsa,
+    Dynamics,
+    ElementaryBehaviors,
+    Gauss,
+    Global,
+    HebbianQ,
+    Matrices,
+    NodeWTA,
+)
+from dntorch.cells.field import FieldState
 from dntorch.cells.kernels import gauss_matrix
 from dntorch.modules.find_color import FindColor
 from dntorch.modules.opposition import ValueOpposition
@@ -127,6 +139,8 @@ def test_choices_are_checked_too(name, wrong):
     [
         (lambda: DNF(9), "dt", 1 / 64), (lambda: DNF(9), "shape", 11), (lambda: NodeWTA(3), "n", 4),
         (lambda: DNF(9), "border", "zero"), (lambda: FindColor(), "fov", 1.2),
+        (lambda: DNSarsa(4, substeps=2), "substeps", 4),
+        (lambda: ElementaryBehaviors(3), "dt", 0.1),
     ],
 )  # fmt: skip
 def test_what_was_built_in_is_not_changed_in_silence(build, name, value):
@@ -329,6 +343,63 @@ def test_a_shift_keeps_the_size_of_taps_near_a_zero_border():
 def test_what_makes_no_field_is_refused_in_one_sentence(build, message):
     with pytest.raises(ValueError, match=message):
         build()
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: NodeWTA(3.5), lambda: NodeWTA(0), lambda: HebbianQ(2.5), lambda: HebbianQ(0),
+        lambda: ItemOrderWM(-1), lambda: ValueOpposition("4"), lambda: ValueNodes(1),
+        lambda: TPCell(3), lambda: TPCell((3, 0)), lambda: FindColor(columns=0),
+        lambda: FindColor(hues=2.5), lambda: DNF(9, substeps="2"), lambda: DNF(9, substeps=1.5),
+        lambda: DNSarsa(4, substeps=1.5), lambda: DNSarsa(True), lambda: ElementaryBehaviors(1),
+    ],
+)  # fmt: skip
+def test_numbers_of_things_are_whole(build):
+    with pytest.raises(ValueError, match=r"^(n|shape|columns|hues|substeps)=.*: give a"):
+        build()
+
+
+def test_a_kernel_moved_to_float64_is_the_same_kernel():
+    terms = (Gauss(8.0, 2.0), Global(-0.3))
+    for field in (DNF(9, terms).double(), DNF((4, 5), terms).double(), DNF(9, terms)):
+        assert field.kernel == terms
+
+
+def test_a_term_of_several_numbers_is_named():
+    with pytest.raises(ValueError, match=r"Gauss\(.*amplitude has 2 numbers: give one"):
+        DNF(9, (Gauss(torch.tensor([1.0, 2.0]), 1.0),))
+
+
+class OwnState(NamedTuple):
+    field: FieldState
+
+
+class Own(Dynamics[OwnState]):
+    """A composite that hands its input to a field."""
+
+    def __init__(self, substeps=1):
+        super().__init__(1 / 32)
+        self.field = DNF(9, substeps=substeps)
+
+    def euler(self, input: Tensor, state: OwnState) -> OwnState:
+        return OwnState(self.field.euler(input, state.field))
+
+    def output(self, state: OwnState) -> Tensor:
+        return self.field.output(state.field)
+
+
+def test_a_field_in_a_composite_checks_its_input_and_runs_at_full_speed():
+    with pytest.raises(ValueError, match=r"input of shape \[1\] does not end in \[9\]"):
+        Own()(torch.zeros(1))
+    with pytest.raises(ValueError, match=r"input of dtype torch.float64 does not fit"):
+        Own()(torch.zeros(9, dtype=torch.float64))
+    with pytest.raises(TypeError, match="input is a ndarray"):
+        Own()(torch.zeros(9).numpy())
+    stimulus = torch.linspace(0, 8, 9)
+    whole, field = Own(2), DNF(9, substeps=2)
+    for _ in range(4):
+        assert torch.equal(whole(stimulus), field(stimulus))
 
 
 @over({k: v for k, v in CASES.items() if k != "Direct"})

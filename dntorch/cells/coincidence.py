@@ -6,7 +6,7 @@ r"""State-action cells: which behaviour runs after which was completed.
 from torch import Tensor
 
 from dntorch.cells.functions import heaviside
-from dntorch.cells.number import Number, either
+from dntorch.number import Number, either
 
 
 @either

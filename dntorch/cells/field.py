@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn.functional import linear
 
 from dntorch.cells.functions import sigmoid
-from dntorch.cells.number import Number, either
+from dntorch.number import Number, either
 
 
 class FieldState(NamedTuple):

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softsign
 
-from dntorch.cells.number import Number, either
+from dntorch.number import Number, either
 
 
 def abs_sigmoid(u: Tensor, steepness: float, threshold: float) -> Tensor:

@@ -10,9 +10,9 @@ With :math:`E_\Delta(x) = x + \Delta\, \dot x(x)`, the Euler step, one step of H
 A structure with ``substeps`` and ``integrator`` therefore steps like this::
 
     for _ in range(substeps):                   # each of dt / substeps seconds
-        ahead = euler(input, state)
+        ahead = substep(input, state)
         if integrator == "heun":
-            ahead = halfway(state, euler(input, ahead))
+            ahead = halfway(state, substep(input, ahead))
         state = ahead
 
 The input is held during a step: order two holds for the state, not for a moving input.
@@ -35,5 +35,5 @@ def check_integrator(integrator: str, substeps: int) -> None:
     """Raise unless ``integrator`` is known and ``substeps`` at least one."""
     if integrator not in ("euler", "heun"):
         raise ValueError(f"integrator={integrator!r} is unknown: choose 'euler' or 'heun'")
-    if substeps < 1:
-        raise ValueError(f"substeps={substeps}: take at least one sub-step a step")
+    if not isinstance(substeps, int) or substeps < 1:
+        raise ValueError(f"substeps={substeps!r}: give a whole number, at least one per step")

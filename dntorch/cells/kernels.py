@@ -1,11 +1,11 @@
-r"""Kernels of lateral interaction: a sum of terms, each a product of one matrix an axis.
+r"""Kernels of lateral interaction: a sum of terms, each a product of one matrix per axis.
 
 .. math:: \omega(x, x') = c_g + \sum_r \prod_a K_r^{(a)}(x_a, x'_a)
 
 A kernel is a sequence of terms, in any order: `Gauss` (two of them make a difference of
 Gaussians), `Global`, and `Matrices` for all that is neither. Amplitudes are signed: negative
-ones inhibit. Distances are in sites, positions start at 0. Numbers may be tensors that want
-gradients: the matrices are differentiable in them.
+ones inhibit. Distances are in sites, positions start at 0. A number may be a tensor of one
+number that wants a gradient: the matrices are differentiable in it.
 """
 
 import math
@@ -15,17 +15,17 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.cells.number import Number, span
+from dntorch.number import span
 
 
 class Gauss(NamedTuple):
     """A Gaussian that falls with the distance between two sites."""
 
-    amplitude: Number
+    amplitude: float | Tensor
     """Sum over all taps if ``normalized``, else height of the middle."""
-    sigma: Number | tuple[Number, ...]
-    """Standard deviation in sites, one for all axes or one an axis."""
-    shift: Number | tuple[Number, ...] = 0.0
+    sigma: float | Tensor | tuple[float | Tensor, ...]
+    """Standard deviation in sites, one for all axes or one per axis."""
+    shift: float | Tensor | tuple[float | Tensor, ...] = 0.0
     """Sites by which the effect lies to the right of its cause; moves peaks."""
     cutoff: float = 5.0
     """Half width in sigmas. (cedar's "limit" is the whole width.)"""
@@ -36,11 +36,11 @@ class Gauss(NamedTuple):
 class Global(NamedTuple):
     """The same effect of every site on every site: a sum over the field."""
 
-    amplitude: Number
+    amplitude: float | Tensor
 
 
 class Matrices(NamedTuple):
-    """A product of given matrices, one an axis, ``matrix[to, from]``."""
+    """A product of given matrices, one per axis, ``matrix[to, from]``."""
 
     matrices: tuple[Tensor, ...]
 
@@ -53,9 +53,9 @@ SELECTIVE: Kernel = (Gauss(20.0, 3.0), Global(-1.0))
 
 def gauss_matrix(
     n: int,
-    sigma: Number,
+    sigma: float | Tensor,
     border: str = "circular",
-    shift: Number = 0.0,
+    shift: float | Tensor = 0.0,
     cutoff: float = 5.0,
     normalized: bool = True,
 ) -> Tensor:
@@ -91,7 +91,7 @@ def gauss_matrix(
 
 def assemble(
     kernel: Kernel, shape: list[int], border: str | Sequence[str]
-) -> tuple[list[Tensor], Number]:
+) -> tuple[list[Tensor], float | Tensor]:
     """Matrices of a kernel on a field of ``shape``: for each axis a stack ``(terms, n, n)``
     in float64, and the amplitude of the global term.
 
@@ -153,7 +153,7 @@ def _given_matrices(term: Matrices, shape: list[int]) -> list[Tensor]:
     matrices = [matrix.double() for matrix in term.matrices]
     sizes = [list(matrix.shape) for matrix in matrices]
     if sizes != [[n, n] for n in shape]:
-        raise ValueError(f"matrices of {sizes} do not fit {shape=}: give (n, n) an axis")
+        raise ValueError(f"matrices of {sizes} do not fit {shape=}: give (n, n) per axis")
     return matrices
 
 
@@ -164,6 +164,8 @@ def _check_finite(term: Gauss | Global | Matrices) -> None:
                 number = torch.as_tensor(each, dtype=torch.float64).detach()
             except (TypeError, ValueError, RuntimeError):
                 raise ValueError(f"{name} is no number: give floats") from None
+            if number.numel() != 1 and not isinstance(term, Matrices):
+                raise ValueError(f"{name} has {number.numel()} numbers: give one")
             if not bool(number.isfinite().all()):
                 raise ValueError(f"{name} is not finite: give numbers")
 

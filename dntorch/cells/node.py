@@ -8,7 +8,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import abs_sigmoid
-from dntorch.cells.number import Number, either
+from dntorch.number import Number, either
 
 
 class NodeState(NamedTuple):

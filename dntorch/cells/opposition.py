@@ -11,7 +11,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import heaviside
-from dntorch.cells.number import Number, either
+from dntorch.number import Number, either
 
 
 class OppositionState(NamedTuple):

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.functions import heaviside
-from dntorch.cells.number import Number, either
+from dntorch.number import Number, either
 
 
 class ValueState(NamedTuple):
@@ -22,8 +22,8 @@ class ValueState(NamedTuple):
 def normalized_values(satisfaction: Tensor, weights: Tensor, baseline: Tensor) -> Tensor:
     """Share of each action in the values of the current state, ``(*batch, n)``, sum one.
 
-    ``weights`` is ``[action, state]``; ``satisfaction`` the output of the CoS nodes. Nodes
-    count from 1/2 on: the tails of those at rest would add up to a state that is none.
+    ``weights`` is ``[action, state]``; ``satisfaction`` the output of the CoS nodes. Outputs
+    below 1/2 are ignored; small outputs of resting nodes would sum to a spurious state.
     """
     state = heaviside(satisfaction, 0.5)
     learned = torch.matmul(weights, state.unsqueeze(-1)).squeeze(-1).clamp_min(0.0)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import rectified
-from dntorch.cells.number import Number, either
+from dntorch.number import Number, either
 
 
 class WorkingMemoryState(NamedTuple):

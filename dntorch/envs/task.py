@@ -6,6 +6,7 @@ what an agent says of itself.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -59,7 +60,11 @@ class SequenceTask:
         if any(len(other) != len(sequence) for other in others):
             raise ValueError(f"others={others}: give sequences as long as {sequence!r}")
         self.targets = torch.tensor([indices(each, colors) for each in (sequence, *others)])
+        if not math.isfinite(duration):
+            raise ValueError(f"duration={duration} is not finite: give seconds")
         self.steps = round(duration / dt)
+        if not math.isfinite(reward):
+            raise ValueError(f"reward={reward} is not finite: give a number")
         if self.steps < 1:
             raise ValueError(f"duration={duration} is shorter than a step: give at least dt={dt}")
 

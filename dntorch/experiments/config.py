@@ -1,5 +1,6 @@
 """One run, as numbers: which world, which task, how long, with which parameters."""
 
+import math
 from dataclasses import dataclass
 
 from dntorch.body import EPUCK
@@ -61,8 +62,10 @@ class Config:
         check_sequence(self.sequence, check_colors(self.colors))
         check_integrator(self.integrator, self.substeps)
         for name in ("dt", "learning_rate", "trace_tau", "reward_duration", "noise"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}={getattr(self, name)} must be positive")
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name}={getattr(self, name)} must be positive and finite")
+        if not math.isfinite(self.reward):
+            raise ValueError(f"reward={self.reward} is not finite: give a number")
         check_time_constant("trace_tau", self.trace_tau, self.fine)
         if not 0 <= self.seed < 2**32:
             raise ValueError(f"seed={self.seed}: give a whole number from 0 to {2**32 - 1}")

@@ -5,10 +5,10 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.node import NodeState
-from dntorch.cells.number import Number, span, wide
-from dntorch.checks import check_ends, check_positive
+from dntorch.checks import check_count, check_ends, check_positive
 from dntorch.dynamics import Dynamics, check_parts
 from dntorch.modules.node import NodeWTA
+from dntorch.number import Number, span, wide
 
 
 class BehaviorState(NamedTuple):
@@ -40,6 +40,8 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
 
     The CoS node of the last completed behaviour stays on by itself, as the *state*, until
     the next CoS switches it off: exactly one is on after the first.
+
+    The four gains may be tensors ``(*batch,)``, one number per agent.
 
     Shapes: ``value`` and ``match`` ``(*batch, n)``; output ``(intention, satisfaction)``, the
     firing rates after the step, ``(*batch, n)`` each.
@@ -76,6 +78,7 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
+        check_count("n", n, 2)
         self.n = n
         self.value_gain = 5.0 * n if value_gain is None else value_gain
         self.completion_gain = 2 * self.value_gain if completion_gain is None else completion_gain
@@ -86,8 +89,6 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         self.satisfaction = satisfaction or NodeWTA(n, excitation=8.0, inhibition=8.0, dt=dt)
 
     def check(self) -> None:
-        if self.n < 2:
-            raise ValueError(f"n={self.n}: give at least two behaviours to choose from")
         for name in ("value_gain", "completion_gain", "match_gain"):
             check_positive(name, getattr(self, name))
         check_parts(self, self.n)

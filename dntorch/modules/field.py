@@ -9,9 +9,9 @@ from dntorch.cells.field import FieldState, field_step
 from dntorch.cells.functions import sigmoid
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.kernels import SELECTIVE, Global, Kernel, Matrices, as_terms, assemble
-from dntorch.cells.number import Number, wide
 from dntorch.checks import check_ends, check_negative, check_time_constant
 from dntorch.dynamics import Dynamics
+from dntorch.number import Number, wide
 
 
 class DNF(Dynamics[FieldState]):
@@ -30,8 +30,8 @@ class DNF(Dynamics[FieldState]):
     :math:`f`       ``kind``             1     sigmoid: "logistic", "abs" or "heaviside"
     :math:`\beta`   ``steepness``        1     of the sigmoid
     :math:`\mu`     ``threshold``        1     of the sigmoid
-    \               ``border``           --    "circular" or "zero", one for all or one an axis
-    \               ``dt, substeps``     s, 1  seconds a step, and parts that it is split into
+    \               ``border``           --    "circular" or "zero", one for all or one per axis
+    \               ``dt, substeps``     s, 1  seconds per step; number of sub-steps
     \               ``integrator``       --    "euler", or "heun": the mean of the state and
                                                two Euler steps, ``0.5 * (x + E(E(x)))``
     \               ``dtype``            --    of the buffers, kernels built in float64
@@ -103,6 +103,7 @@ class DNF(Dynamics[FieldState]):
         dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__(dt)
+        check_integrator(integrator, substeps)
         self.shape, self.border = _axes(shape), border
         self.tau, self.h = tau, h
         self.kind, self.steepness, self.threshold = kind, steepness, threshold
@@ -121,7 +122,8 @@ class DNF(Dynamics[FieldState]):
         """Terms, as they were set; as `Matrices` once the matrices were changed otherwise."""
         built, everywhere = assemble(self._terms, self.shape, self.border)
         stacks = self._stacks()
-        if all(torch.equal(x.to(y), y) for x, y in zip(built, stacks)):
+        # In float32: what was rounded to it and moved to float64 is the same kernel.
+        if all(torch.equal(x.to(y).float(), y.float()) for x, y in zip(built, stacks)):
             return self._terms
         terms = tuple(Matrices(tuple(each)) for each in zip(*(stack.unbind() for stack in stacks)))
         return terms if everywhere == 0.0 else (*terms, Global(everywhere))
@@ -151,6 +153,12 @@ class DNF(Dynamics[FieldState]):
 
     def substep(self, input: Tensor, state: FieldState) -> FieldState:
         """One Euler step of ``dt / substeps`` seconds."""
+        check_ends("input", input, self.shape)
+        if input.dtype != state.u.dtype:
+            raise ValueError(
+                f"input of dtype {input.dtype} does not fit the field's {state.u.dtype}: give "
+                "input.to(field.u), or build the field with dtype=torch.float64"
+            )
         axes, sigmoid = len(self.shape), (self.kind, self.steepness, self.threshold)
         tau, h = wide(self.tau, axes), wide(self.h, axes)
         kernels, dt = self._stacks(), self.dt / self.substeps
@@ -163,12 +171,6 @@ class DNF(Dynamics[FieldState]):
         return state
 
     def step(self, input: Tensor, state: FieldState) -> tuple[Tensor, FieldState]:
-        check_ends("input", input, self.shape)
-        if input.dtype != state.u.dtype:
-            raise ValueError(
-                f"input of dtype {input.dtype} does not fit the field's {state.u.dtype}: give "
-                "input.to(field.u), or build the field with dtype=torch.float64"
-            )
         for _ in range(self.substeps):
             ahead = self.substep(input, state)
             if self.integrator == "heun":

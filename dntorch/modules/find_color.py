@@ -8,9 +8,10 @@ from torch import Tensor
 from dntorch.body import EPUCK
 from dntorch.cells.color import hue_columns
 from dntorch.cells.field import FieldState
+from dntorch.cells.functions import is_on
 from dntorch.cells.heading import bearings, turning_rate, wheel_speeds
 from dntorch.cells.kernels import Gauss, Global, gauss_matrix
-from dntorch.checks import check_ends, check_positive
+from dntorch.checks import check_count, check_ends, check_positive
 from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE, PAPER, check_colors
 from dntorch.modules.field import DNF
 from dntorch.modules.sensorimotor import Sensorimotor
@@ -55,14 +56,14 @@ class FindColor(Sensorimotor[ColorState]):
         colors: letters of the colours to find, one behaviour each.
         fov: horizontal field of view of the camera, rad.
         wheel_radius, axle: of the robot, m; ``max_speed``: of a wheel, rad/s.
-        hues, columns: sites of the fields; 360/hues degrees a bin.
+        hues, columns: sites of the fields; 360/hues degrees per bin.
         min_saturation, min_value: pixels below are no colour, 0 to 1.
         hue_centers: hue of each colour in degrees where it is not that of the letter (a real
             camera: calibrate).
 
     Raises:
         ValueError: an image that is not uint8 RGB, unknown colours, two of them in one bin,
-            lengths, angles or speeds that are not positive.
+            ``fov``, ``wheel_radius``, ``axle`` or ``max_speed`` not positive.
 
     Source: sections III.B and IV.A of Kazerounian, Luciw, Richter and Sandamirskaya,
     "Autonomous Reinforcement of Behavioral Sequences in Neural Dynamics".
@@ -80,7 +81,7 @@ class FindColor(Sensorimotor[ColorState]):
     """
 
     senses = ("image",)
-    fixed = ("dt", "fov", "min_saturation", "min_value")
+    fixed = ("dt", "fov")
 
     SALIENCE: Final[float] = 4.0  # a quarter of a column in one hue is as salient as all of it
     PERCEPT_GAIN: Final[float] = 4.0  # neither lifts a field above threshold alone
@@ -113,6 +114,8 @@ class FindColor(Sensorimotor[ColorState]):
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt, max_speed)
+        check_count("hues", hues)
+        check_count("columns", columns, 2)
         self.n, self.fov = len(check_colors(colors)), fov
         if hue_centers is not None and len(hue_centers) != self.n:
             raise ValueError(f"hue_centers={hue_centers}: give one for each color of {colors}")
@@ -192,7 +195,7 @@ class FindColor(Sensorimotor[ColorState]):
         """Wheel speeds: towards the peak of the heading field; none without an intention."""
         output = self.heading.output(state.heading)
         turning = turning_rate(output, self.bearing, self.turning_gain, self.scan, self.SOFTNESS)
-        turning = turning * (intention.amax(-1) > 0.5).to(turning.dtype)
+        turning = turning * is_on(intention.amax(-1)).to(turning.dtype)
         return wheel_speeds(turning, self.wheel_radius, self.axle)
 
 

@@ -4,10 +4,10 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.hebbian import HebbianState, hebbian_step
-from dntorch.cells.number import Number
-from dntorch.checks import check_ends, check_positive
+from dntorch.checks import check_count, check_ends, check_positive
 from dntorch.dynamics import Dynamics
 from dntorch.memory import extended
+from dntorch.number import Number
 
 
 class HebbianQ(Dynamics[HebbianState]):
@@ -26,6 +26,8 @@ class HebbianQ(Dynamics[HebbianState]):
     :math:`r`      ``reward``         1     reward signal
     =============  =================  ====  ==================================================
 
+    ``learning_rate`` may be a tensor ``(*batch,)``, one number per agent.
+
     Shapes: ``active`` and ``trace`` ``(*batch, n, n)``, ``error`` and ``reward`` ``(*batch,)``;
     the output is the weights after the step, ``(*batch, n, n)``.
 
@@ -33,8 +35,7 @@ class HebbianQ(Dynamics[HebbianState]):
     and ``resize`` never touch. ``spread(*batch)`` gives each member of a batch weights of
     its own, ``select(k)`` is a structure with those of one, ``forget()`` erases them. Their
     state "at rest" is what has been learned. ``learn(False)`` switches learning off; the switch
-    is a tensor, so that an exported program keeps it. (``eval()`` does not: it is PyTorch's
-    switch for layers such as dropout, and a structure has none. An agent learns while it lives.)
+    is a tensor, so that an exported program keeps it.
 
     Raises:
         ValueError: ``learning_rate`` not positive; weights whose batch is not that of the
@@ -59,6 +60,7 @@ class HebbianQ(Dynamics[HebbianState]):
 
     def __init__(self, n: int, learning_rate: Number = 0.06, dt: float = 1 / 32) -> None:
         super().__init__(dt)
+        check_count("n", n, 2)
         self.n, self.learning_rate = n, learning_rate
         self.register_buffer("weights", torch.zeros(n, n))
         self.register_buffer("learning", torch.ones(()), persistent=False)

@@ -7,16 +7,16 @@ from torch import Tensor
 
 from dntorch.cells.coincidence import coincidence
 from dntorch.cells.hebbian import HebbianState
-from dntorch.cells.number import Number, span, wide
 from dntorch.cells.opposition import OppositionState
 from dntorch.cells.transient import TransientState
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.checks import check_ends
+from dntorch.checks import check_count, check_ends
 from dntorch.dynamics import Dynamics, check_parts
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.opposition import ValueOpposition
 from dntorch.modules.transient import TPCell
 from dntorch.modules.working_memory import ItemOrderWM
+from dntorch.number import Number, span, wide
 
 
 class LearnerState(NamedTuple):
@@ -40,6 +40,8 @@ class Learner(Dynamics[LearnerState]):
     =====================  ==============  ==================================================
 
     All stages read the activation of time t, then all are updated.
+
+    ``coincidence_threshold`` may be a tensor ``(*batch,)``, one number per agent.
 
     Shapes: ``intention`` and ``satisfaction`` (firing rates) ``(*batch, n)``, ``reward``
     ``(*batch,)``, output (weights ``[action, state]`` after the step) ``(*batch, n, n)``.
@@ -74,6 +76,7 @@ class Learner(Dynamics[LearnerState]):
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
+        check_count("n", n, 2)
         self.n, self.coincidence_threshold = n, coincidence_threshold
         self.register_buffer("off_diagonal", 1 - torch.eye(n), persistent=False)
         self.pulses = pulses or TPCell((n, n), dt=dt)

@@ -4,9 +4,9 @@ from torch import Tensor
 
 from dntorch.cells.functions import abs_sigmoid
 from dntorch.cells.node import NodeState, node_step
-from dntorch.cells.number import Number, wide
-from dntorch.checks import check_ends, check_negative, check_time_constant
+from dntorch.checks import check_count, check_ends, check_negative, check_time_constant
 from dntorch.dynamics import Dynamics
+from dntorch.number import Number, wide
 
 
 class NodeWTA(Dynamics[NodeState]):
@@ -26,6 +26,9 @@ class NodeWTA(Dynamics[NodeState]):
     :math:`\beta` ``steepness``   1         of the sigmoid
     :math:`\mu`   ``threshold``   1         of the sigmoid
     ============  ==============  ========  ==========================================
+
+    ``tau``, ``h``, ``excitation`` and ``inhibition`` may be tensors ``(*batch,)``, one number per
+    agent.
 
     Shapes: input and output ``(*batch, n)``; the output is :math:`f_S(u)` after the step.
     State: ``NodeState(u)``, at rest ``h``.
@@ -61,13 +64,12 @@ class NodeWTA(Dynamics[NodeState]):
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
+        check_count("n", n, 1)
         self.n, self.tau, self.h = n, tau, h
         self.excitation, self.inhibition = excitation, inhibition
         self.steepness, self.threshold = steepness, threshold
 
     def check(self) -> None:
-        if self.n < 1:
-            raise ValueError(f"n={self.n}: give at least one node")
         check_negative("h", self.h, "with another every node is on at rest")
         check_time_constant("tau", self.tau, self.dt)
 

@@ -2,10 +2,10 @@
 
 from torch import Tensor
 
-from dntorch.cells.number import Number, span, wide
 from dntorch.cells.opposition import OppositionState, opposition_step
-from dntorch.checks import check_ends, check_positive, check_time_constant
+from dntorch.checks import check_count, check_ends, check_positive, check_time_constant
 from dntorch.dynamics import Dynamics
+from dntorch.number import Number, span, wide
 
 
 class ValueOpposition(Dynamics[OppositionState]):
@@ -30,6 +30,8 @@ class ValueOpposition(Dynamics[OppositionState]):
     :math:`\theta`    ``pulse_threshold``   1     above it a pulse counts: sets its width in time
     :math:`\theta_u`  ``trace_threshold``   1     above it a pair counts as remembered
     ================  ====================  ====  ==============================================
+
+    All numbers may be tensors ``(*batch,)``, one number per agent.
 
     Shapes: ``pulse``, ``trace``, ``weights`` ``(*batch, n, n)``, output (v after the step)
     ``(*batch,)``. State: ``OppositionState(opposition, error)``, 0 at rest.
@@ -68,6 +70,7 @@ class ValueOpposition(Dynamics[OppositionState]):
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
+        check_count("n", n, 2)
         self.n, self.discount = n, discount
         self.tau, self.tau_error = tau, tau_error
         self.pulse_threshold, self.trace_threshold = pulse_threshold, trace_threshold

@@ -118,4 +118,10 @@ class Repertoire(Sensorimotor[dict[str, Tensor]]):
             wanted, own = intention.narrow(-1, first, part.n), within(state, f"parts.{k}.")
             actions.append(part.act(wanted, part.nested(own)))
             first += part.n
+        for k, action in enumerate(actions):
+            if action.shape[-1] != actions[0].shape[-1]:
+                raise ValueError(
+                    f"parts.{k} has {action.shape[-1]} motors, parts.0 {actions[0].shape[-1]}: "
+                    "give parts for one body"
+                )
         return torch.stack(actions).sum(0)

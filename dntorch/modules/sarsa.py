@@ -8,7 +8,7 @@ from torch import Tensor
 from dntorch.cells.functions import came_on, finite, spoilt
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.value import ValueState
-from dntorch.checks import check_ends
+from dntorch.checks import check_count, check_ends
 from dntorch.dynamics import Dynamics, check_parts
 from dntorch.memory import counted
 from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
@@ -24,7 +24,8 @@ class AgentState(NamedTuple):
     learner: LearnerState
     decisions: Tensor
     """Number of behaviours completed in an agent's life, ``(*batch,)``, int64: one decision
-    follows each, with noise of its own."""
+    follows each, with noise of its own. It begins at 0 after `forget`, and where `resize` makes
+    room for other agents."""
     ignored: Tensor
     """Number of steps in which an input was not finite, ``(*batch,)``, int64"""
 
@@ -100,6 +101,7 @@ class DNSarsa(Dynamics[AgentState]):
         integrator: str = "euler",
     ) -> None:
         super().__init__(dt)
+        check_count("n", n, 2)
         check_integrator(integrator, substeps)
         self.n, self.substeps, self.integrator = n, substeps, integrator
         fine = dt / substeps
@@ -145,8 +147,8 @@ class DNSarsa(Dynamics[AgentState]):
     def output(self, state: AgentState) -> Tensor:
         """The action."""
         intention, _ = self.behaviors.output(state.behaviors)
-        body = self.sensorimotor.nested(state.sensorimotor)
-        return self.sensorimotor.limit(self.sensorimotor.act(intention, body))
+        inner = self.sensorimotor.nested(state.sensorimotor)
+        return self.sensorimotor.limit(self.sensorimotor.act(intention, inner))
 
     def step(
         self, observation: dict[str, Tensor], reward: Tensor, noise: Tensor, state: AgentState
@@ -186,11 +188,11 @@ class DNSarsa(Dynamics[AgentState]):
         """All parts advance together, from what they were at the beginning of the step."""
         intention, satisfaction = self.behaviors.output(state.behaviors)
         weights = state.learner.values.weights
-        body = self.sensorimotor.nested(state.sensorimotor)
-        match = self.sensorimotor.match(observation, body)
-        body = self.sensorimotor.advance(observation, intention, body)
+        inner = self.sensorimotor.nested(state.sensorimotor)
+        match = self.sensorimotor.match(observation, inner)
+        inner = self.sensorimotor.advance(observation, intention, inner)
         return AgentState(
-            self.sensorimotor.flat(body),
+            self.sensorimotor.flat(inner),
             self.behaviors.euler(state.value_nodes.value, match, state.behaviors),
             self.value_nodes.euler(satisfaction, weights + noise, state.value_nodes),
             self.learner.euler(intention, satisfaction, reward, state.learner),

@@ -19,6 +19,7 @@ def step(
     state = self.advance(self.sense(observation), intention, state)
     return self.limit(self.act(intention, state)), state
 """
+# Never called for n = 0, but TorchScript compiles the call.
 NO_MATCH = """
 def match(self, observation: dict[str, Tensor], state: State) -> Tensor:
     return self.origin
@@ -31,7 +32,8 @@ class Sensorimotor(Dynamics[S]):
     * ``senses``: the keys of the observation that it reads;
     * ``n``: how many behaviours it has; 0 for one that is always on;
     * ``match(observation, state)``: how well the percept fits each condition of satisfaction,
-      ``(*batch, n)`` between 0 and 1 (not needed for ``n = 0``);
+      ``(*batch, n)`` between 0 and 1 (not needed for ``n = 0``; one that reads the state alone
+      calls the first ``_observation``);
     * ``advance(observation, intention, state) -> state``: one step of its fields;
     * ``act(intention, state)``: the motor command, unlimited, ``(*batch, motors)``;
 
@@ -46,6 +48,7 @@ class Sensorimotor(Dynamics[S]):
             infinite for one that has no limit. Whoever holds the whole body limits, once.
     """
 
+    _matches = True
     senses = ("",)  # without annotation: TorchScript knows no tuple of any length
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -55,17 +58,24 @@ class Sensorimotor(Dynamics[S]):
             declare.add_methods(cls, STEP, names)
             if not hasattr(cls, "match"):
                 declare.add_methods(cls, NO_MATCH, names)
+                cls._matches = False
         super().__init_subclass__(**kwargs)
 
     def __init__(self, dt: float = 1 / 32, max_speed: float = math.inf) -> None:
         super().__init__(dt)
         self.max_speed = max_speed
         for name in ("senses", "n"):  # TorchScript sees what the object has, not its class
-            if name in dir(type(self)):
+            if hasattr(type(self), name):
                 setattr(self, name, getattr(type(self), name))
 
     def check(self) -> None:
         check_positive("max_speed", self.max_speed)
+        if self.senses == ("",):
+            raise ValueError(
+                f"{type(self).__name__} does not say what it reads: give it senses = ('image',)"
+            )
+        if getattr(self, "n", 0) > 0 and not self._matches:
+            raise ValueError(f"n={self.n}: {type(self).__name__} needs match(observation, state)")
 
     def sense(self, observation: dict[str, Tensor]) -> dict[str, Tensor]:
         """What this part reads of an observation."""

@@ -2,10 +2,10 @@
 
 from torch import Tensor
 
-from dntorch.cells.number import Number, wide
 from dntorch.cells.transient import TransientState, transient_step
-from dntorch.checks import check_ends, check_time_constant
+from dntorch.checks import check_count, check_ends, check_time_constant
 from dntorch.dynamics import Dynamics
+from dntorch.number import Number, wide
 
 
 class TPCell(Dynamics[TransientState]):
@@ -25,6 +25,8 @@ class TPCell(Dynamics[TransientState]):
 
     A step of input I from rest gives :math:`TP^+ = I (t/\tau) e^{-t/\tau}`: peak I/e at
     :math:`t = \tau`, area :math:`I \tau`, however long the input lasts.
+
+    ``tau`` may be a tensor ``(*batch,)``, one number per agent.
 
     Shapes: input and output ``(*batch, *shape)``; the output is the pulse after the step.
     State: ``TransientState(pulse, inhibitory)``, both 0 at rest.
@@ -48,6 +50,10 @@ class TPCell(Dynamics[TransientState]):
 
     def __init__(self, shape: tuple[int, ...], tau: Number = 0.5, dt: float = 1 / 32) -> None:
         super().__init__(dt)
+        if isinstance(shape, int):
+            raise ValueError(f"shape={shape}: give a tuple, such as ({shape},)")
+        for size in shape:
+            check_count("shape", size)
         self.tau, self.shape = tau, list(shape)
 
     def check(self) -> None:

@@ -3,10 +3,10 @@
 import torch
 from torch import Tensor
 
-from dntorch.cells.number import Number, wide
 from dntorch.cells.value import ValueState, value_step
-from dntorch.checks import check_ends, check_positive, check_time_constant
+from dntorch.checks import check_count, check_ends, check_positive, check_time_constant
 from dntorch.dynamics import Dynamics
+from dntorch.number import Number, wide
 
 
 class ValueNodes(Dynamics[ValueState]):
@@ -26,6 +26,8 @@ class ValueNodes(Dynamics[ValueState]):
     :math:`b`            ``baseline``      1     innate preference, small: decides where
                                                  nothing has been learned
     ===================  ================  ====  =============================================
+
+    ``tau`` and ``baseline`` may be tensors ``(*batch,)``, one number per agent.
 
     Shapes: ``satisfaction`` and output (activation after the step) ``(*batch, n)``,
     ``weights`` ``(*batch, n, n)`` or ``(n, n)``. State: ``ValueState(value)``, 0 at rest.
@@ -61,13 +63,12 @@ class ValueNodes(Dynamics[ValueState]):
         self, n: int, tau: Number = 0.1, baseline: Number = 1e-3, dt: float = 1 / 32
     ) -> None:
         super().__init__(dt)
+        check_count("n", n, 2)
         self.n, self.tau, self.baseline = n, tau, baseline
         self.register_buffer("ladder", 1 + torch.arange(n) / n, persistent=False)
         self.register_buffer("off_diagonal", 1 - torch.eye(n), persistent=False)
 
     def check(self) -> None:
-        if self.n < 2:
-            raise ValueError(f"n={self.n}: give at least two behaviours to choose from")
         check_time_constant("tau", self.tau, self.dt)
         check_positive("baseline", self.baseline, "at 0 the values may sum to 0")
 

@@ -2,10 +2,10 @@
 
 from torch import Tensor
 
-from dntorch.cells.number import Number, span, wide
 from dntorch.cells.working_memory import WorkingMemoryState, working_memory_step
-from dntorch.checks import check_ends, check_time_constant
+from dntorch.checks import check_count, check_ends, check_time_constant
 from dntorch.dynamics import Dynamics
+from dntorch.number import Number, span, wide
 
 
 class ItemOrderWM(Dynamics[WorkingMemoryState]):
@@ -29,19 +29,24 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
     a settled memory multiplies all others by :math:`e^{-\alpha A / \tau}`: an accumulating
     trace with that decay per transition (:math:`\gamma\lambda` of SARSA(:math:`\lambda`)).
 
+    ``tau``, ``excitation`` and ``feedback`` may be tensors ``(*batch,)``, one number per agent.
+
     Shapes: input (pulses) and output (activity after the step) ``(*batch, n, n)``.
     State: ``WorkingMemoryState(u)``, 0 at rest, which is a fixed point.
 
     Raises:
-        ValueError: ``dt > tau``, or so coarse a step that activity could leave [0, 1].
+        ValueError: ``dt > tau``, or so coarse a step that activity could leave [0, 1]; a
+            gain or threshold below 0.
 
     Source: eq. (9) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
     Reinforcement of Behavioral Sequences in Neural Dynamics"; Grossberg 1978.
 
     **Deviations**: :math:`\tau^u` and :math:`f_P` are not given in the paper; here 1 s and
-    "the pulse itself above a threshold, else 0". The background section prints the update of
-    pairs t steps back as :math:`\gamma^t \lambda \delta`; the trace of SARSA(:math:`\lambda`),
-    and the one that this memory makes, is :math:`(\gamma\lambda)^t \delta`.
+    "the pulse itself above a threshold, else 0". Where finite pulses are so strong that a step
+    would overshoot, the step is shortened, so that activity stays within 0 and 1. The
+    background section prints the update of pairs t steps back as
+    :math:`\gamma^t \lambda \delta`; the trace of SARSA(:math:`\lambda`), and the one that this
+    memory makes, is :math:`(\gamma\lambda)^t \delta`.
 
     >>> memory = ItemOrderWM(2)
     >>> for site in [(0, 1), (1, 0)]:  # two pulses, one after the other
@@ -65,6 +70,7 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
+        check_count("n", n, 2)
         self.n, self.tau, self.threshold = n, tau, threshold
         self.excitation, self.feedback = excitation, feedback
 

@@ -10,7 +10,6 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from dntorch.cells.number import wide
 from dntorch.cells.value import ValueState
 from dntorch.dynamics import Dynamics
 from dntorch.experiments.config import Config, build_agent
@@ -18,6 +17,7 @@ from dntorch.modules.learner import Learner, LearnerState
 from dntorch.modules.node import NodeState, NodeWTA
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.modules.value import ValueNodes
+from dntorch.number import wide
 
 
 class SingleItem(Learner):
