@@ -66,11 +66,7 @@ def artefact(folder: Path) -> Act:
     agent, nodes = run_agent.load(folder, "onnx"), "behaviors.satisfaction.u"
     agent.learn(False)
     half, report = agent.manifest["decisions"][nodes], Onset(agent.state()[nodes].size)
-
-    def act(observation, reward):
-        return agent.act(observation, reward), report(agent.state()[nodes] > half)
-
-    return act
+    return lambda seen, reward: (agent.act(seen, reward), report(agent.state()[nodes] > half))
 
 
 def drive(run: Path, folder: Path, job: tuple[str, str, int], film: Path | None = None) -> dict:
