@@ -53,4 +53,5 @@ def check_negative(name: str, number: Number, why: str) -> None:
 def check_count(name: str, number: int, least: int = 1) -> None:
     """Raise unless a number is whole and large enough."""
     if not isinstance(number, int) or isinstance(number, bool) or number < least:
-        raise ValueError(f"{name}={number!r}: give a whole number, at least {least}")
+        words = ("none", "one", "two")
+        raise ValueError(f"{name}={number!r}: give at least {words[least]}, a whole number")

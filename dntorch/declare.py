@@ -13,25 +13,40 @@ from types import ModuleType
 from typing import Any, get_args, get_origin, get_type_hints
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from dntorch.cells.integrators import halfway
 
 
 def state_type(cls: type, base: type) -> Any:
     """``S`` of ``class X(base[S])``, or None where a class declares no state of its own."""
+    state = _argument(cls, base)
+    return state if hasattr(state, "_fields") or get_origin(state) is dict else None
+
+
+def _argument(cls: type, base: type) -> Any:
+    """What stands for ``S``, through generic classes between ``cls`` and ``base``."""
     for parent in cls.__dict__.get("__orig_bases__", ()):
-        origin = get_origin(parent)
+        origin, given = get_origin(parent), get_args(parent)
+        if origin is base:
+            return given[0]
         if isinstance(origin, type) and issubclass(origin, base):
-            (state,) = get_args(parent)
-            return state if isinstance(state, type) or get_origin(state) is dict else None
+            inner = _argument(origin, base)
+            if inner in origin.__parameters__:
+                return given[origin.__parameters__.index(inner)]
     return None
+
+
+RESERVED = ("state", "flat", "nested", "write", "initial", "step", "forward", "origin", "dt")
 
 
 def fields(state: Any) -> dict[str, str]:
     """Kind of each field of a state: ``tensor``, ``part`` or, of an open set of names, ``dict``."""
-    kinds = {}
-    for name, kind in get_type_hints(state).items():
+    kinds, hints = {}, get_type_hints(state)
+    state.__annotations__.update(hints)  # TorchScript reads no strings
+    for name, kind in hints.items():
+        if name in RESERVED:
+            raise ValueError(f"{state.__name__}.{name}: every structure has a {name}, rename it")
         many = get_origin(kind) is dict
         kinds[name] = "tensor" if kind is Tensor else "dict" if many else "part"
     return kinds
@@ -135,18 +150,19 @@ def _source(*methods: tuple[str, list[str], str]) -> str:
 def write_steps(cls: type) -> None:
     """``step`` from ``euler`` and ``output``, ``forward`` from ``step``: the same inputs."""
     own = cls.__dict__
-    if "euler" in own and "step" not in own and hasattr(cls, "output"):
+    changed = "euler" in own or "output" in own
+    if changed and hasattr(cls, "euler") and hasattr(cls, "output") and _may_write(cls, "step"):
         takes, names, inputs = _inputs(cls.euler)
-        names["Output"] = cls.output.__annotations__["return"]
+        names["Output"] = _hints(cls.output).get("return", Tensor)
         source = (
             f"def step(self, {takes}state: State) -> tuple[Output, State]:\n"
             f"    state = self.euler({inputs}state)\n"
             "    return self.output(state), state\n"
         )
         add_methods(cls, source, names)
-    if "step" in cls.__dict__ and "forward" not in own:
+    if "step" in cls.__dict__ and _may_write(cls, "forward"):
         takes, names, inputs = _inputs(cls.step)
-        names["Output"] = get_args(cls.step.__annotations__["return"])[0]
+        names["Output"] = (get_args(_hints(cls.step).get("return")) or (Tensor,))[0]
         source = (
             f"def forward(self, {takes.removesuffix(', ')}) -> Output:\n"
             f"    output, state = self.step({inputs}self.state)\n"
@@ -156,12 +172,29 @@ def write_steps(cls: type) -> None:
         add_methods(cls, source, names)
 
 
+def _may_write(cls: type, name: str) -> bool:
+    """Whether a method is missing or was written here: one written by hand is kept."""
+    if name in cls.__dict__:
+        return False
+    method = getattr(cls, name, None)
+    return method is None or method is nn.Module.forward or hasattr(method, "generated")
+
+
+def _hints(method: Any) -> dict[str, Any]:
+    try:
+        return get_type_hints(method)
+    except NameError:  # a name that only a type checker can look up
+        return method.__annotations__
+
+
 def _inputs(method: Any) -> tuple[str, dict[str, Any], str]:
     """Parameters between ``self`` and ``state``: with types, the types by name, as arguments."""
     *inputs, state = list(inspect.signature(method).parameters.values())[1:]
-    kinds = {f"Input{k}": each.annotation for k, each in enumerate(inputs)}
+    hints = _hints(method)
+    kinds = {f"Input{k}": hints.get(each.name, Tensor) for k, each in enumerate(inputs)}
     takes = "".join(f"{each.name}: {kind}, " for each, kind in zip(inputs, kinds))
-    return takes, kinds | {"State": state.annotation}, "".join(f"{x.name}, " for x in inputs)
+    kinds["State"] = hints.get(state.name, Tensor)
+    return takes, kinds, "".join(f"{x.name}, " for x in inputs)
 
 
 def add_methods(cls: type, source: str, names: dict[str, Any]) -> None:
@@ -179,6 +212,7 @@ def add_methods(cls: type, source: str, names: dict[str, Any]) -> None:
         if name not in cls.__dict__:
             accessors = (method.fget, method.fset) if isinstance(method, property) else (method,)
             for function in accessors:
+                function.generated = True
                 function.__module__, function.__qualname__ = (
                     cls.__module__, f"{cls.__qualname__}.{name}",
                 )  # fmt: skip

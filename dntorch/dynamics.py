@@ -16,8 +16,9 @@ import torch
 from torch import Tensor, nn
 
 from dntorch import declare
+from dntorch.checks import check_count
 from dntorch.memory import Memory
-from dntorch.parameters import check_batch
+from dntorch.parameters import check_batch, outside_inference
 
 S = TypeVar("S")
 
@@ -112,7 +113,7 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
 
     def __init__(self, dt: float) -> None:
         super().__init__()
-        if isinstance(dt, (int, float)) and not dt > 0:
+        if not isinstance(dt, str) and not dt > 0:
             raise ValueError(f"dt={dt} must be positive: give seconds per step, such as dt=1/32")
         self.dt = dt
         self.register_buffer("origin", torch.zeros(()), persistent=False)
@@ -122,6 +123,14 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
 
         The batch is that of numbers per agent and of parts that have learned in a batch.
         """
+        for name, part in self.named_modules(remove_duplicate=False):
+            if isinstance(part, Dynamics) and self.get_submodule(name) is not self:
+                first = next(k for k, x in self.named_modules() if x is part)
+                if first != name:
+                    raise ValueError(
+                        f"{first} and {name} are one part, which can't have two states: give each "
+                        "its own, such as copy.deepcopy(part)"
+                    )
         self._check_all()
         self._note_memory()
         self._ready = True
@@ -144,6 +153,8 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
         The only method that changes the shape of activation. Long-term memory stays as it is.
         Counts go on where ``batch`` extends the batch before, else they begin at 0.
         """
+        for size in batch:
+            check_count("batch", size, 0)
         check_batch(self, list(batch))
         with torch.inference_mode(False):
             state = self.initial(list(batch))  # may refuse: before anything changes
@@ -151,7 +162,7 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
             if isinstance(state, tuple):
                 for name, value in state._asdict().items():
                     if isinstance(value, Tensor) and name not in self._memory():
-                        self.register_buffer(name, value, persistent=False)
+                        self.register_buffer(name, value.detach().clone(), persistent=False)
         for _, part in _direct_parts(self):
             part.resize(*batch)
         return self
@@ -176,19 +187,23 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
                     f"{'missing' if ours is None else list(ours.shape)} here; build the structure "
                     "with the arguments and the version of dntorch it was saved with"
                 )
+        before = self.snapshot()
         with torch.no_grad():
             for name, tensor in held.items():
                 tensor.copy_(snapshot[name])
+            try:
+                for part in self._structures():
+                    part._accept()
+            except Exception:
+                for name, tensor in held.items():
+                    tensor.copy_(before[name])
+                raise
 
     def _tensors(self) -> dict[str, Tensor]:
         return dict([*self.named_buffers(), *self.named_parameters()])
 
     def register_buffer(self, name: str, tensor: Tensor | None, persistent: bool = True) -> None:
-        # One made in inference mode could never be updated outside of it.
-        if tensor is not None and tensor.is_inference():
-            with torch.inference_mode(False):
-                tensor = tensor.clone()
-        super().register_buffer(name, tensor, persistent)
+        super().register_buffer(name, outside_inference(tensor), persistent)
 
     def __getstate__(self) -> dict[str, Any]:
         # A kernel made of tensors that want gradients is a buffer within their graph.
@@ -199,6 +214,8 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
         super().__setstate__(state)
         for name, buffer in list(self._buffers.items()):
             self.register_buffer(name, buffer, name in self._memory())
+        for name, parameter in list(self._parameters.items()):
+            self._parameters[name] = outside_inference(parameter)
 
 
 def _direct_parts(module: nn.Module, prefix: str = "") -> list[tuple[str, Dynamics]]:

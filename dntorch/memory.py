@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
+from dntorch.checks import check_count
 from dntorch.parameters import Parameters, check_batch
 
 
@@ -28,6 +29,8 @@ class Memory(Parameters):
     @torch.jit.unused
     def spread(self, *batch: int) -> "Memory":
         """Resize to ``batch``, each member with a copy of the long-term memory, to learn alone."""
+        for size in batch:
+            check_count("batch", size, 0)
         check_batch(self, list(batch))
         spread = [(part, name, part._spread(name, batch)) for part, name in _memories(self)]
         for part, name, memory in spread:
@@ -49,7 +52,7 @@ class Memory(Parameters):
         if not batch:
             raise ValueError(f"index={index}: there is one set of weights only, nothing to select")
         count = math.prod(batch)
-        if not -count <= index < count:
+        if not isinstance(index, int) or not -count <= index < count:
             raise ValueError(f"index={index}: give one of 0 to {count - 1}, the batch has {count}")
 
         def one(tensor: Tensor, rank: int) -> Tensor:

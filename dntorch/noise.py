@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from dntorch.checks import check_count
 from dntorch.number import Number, span
 
 MASK = 0xFFFFFFFF
@@ -91,11 +92,13 @@ class Exploration:
         agents: int | Sequence[int] | Tensor = 0,
         amplitude: Number = 10.0,
     ) -> None:
-        self.n = n
-        self.agents = torch.as_tensor(list(agents) if isinstance(agents, range) else agents)
+        check_count("n", n)
+        self.n, self.agents = n, agents
         self.seed, self.amplitude = seed, amplitude
 
     def __setattr__(self, name: str, value: object) -> None:
+        if name == "agents":
+            value = torch.as_tensor(list(value) if isinstance(value, range) else value).clone()
         super().__setattr__(name, value)
         if name != "_drawn":
             self._drawn = None  # what was drawn was for other settings
@@ -106,7 +109,8 @@ class Exploration:
 
     @seed.setter
     def seed(self, seed: int | Tensor) -> None:
-        numbers = torch.as_tensor(seed)
+        whole = isinstance(seed, (int, Tensor)) and not isinstance(seed, bool)
+        numbers = torch.as_tensor(seed if whole else 0.5)
         if numbers.is_floating_point() or not bool(((numbers >= 0) & (numbers <= MASK)).all()):
             raise ValueError(f"seed={seed}: give a whole number from 0 to {MASK}")
         self._seed = seed.clone() if isinstance(seed, Tensor) else seed
@@ -117,10 +121,12 @@ class Exploration:
 
     @amplitude.setter
     def amplitude(self, amplitude: Number) -> None:
+        if not isinstance(amplitude, (int, float, Tensor)):
+            raise ValueError(f"amplitude={amplitude!r} is no number: give a float")
         low, high = span(amplitude)
         if not 0 < low <= high < math.inf:
             raise ValueError(f"amplitude={amplitude} must be positive: for none, pass zeros")
-        self._amplitude = amplitude.clone() if isinstance(amplitude, Tensor) else amplitude
+        self._amplitude = amplitude
 
     def __call__(self, decisions: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
         """Noise ``(*batch, n, n)`` for the number of decisions each agent has taken.
@@ -134,16 +140,11 @@ class Exploration:
                 f"{list(self.agents.shape)}: number each agent, as Exploration(n, seed, "
                 "agents=range(batch))"
             )
-        if self._drawn is None or not self._is_for(decisions, dtype):
+        if self._drawn is None or not torch.equal(self._drawn[0], decisions):
             agents = self.agents.to(decisions.device)
             draws = keyed_uniform(self.seed, agents, decisions, self.n * self.n, self.STREAM)
-            amplitude = self.amplitude
-            if isinstance(amplitude, Tensor):
-                amplitude = amplitude.to(draws).unsqueeze(-1)
-            noise = (amplitude * draws).to(dtype).unflatten(-1, (self.n, self.n))
-            self._drawn = decisions.clone(), noise
-        return self._drawn[1].clone()
-
-    def _is_for(self, decisions: Tensor, dtype: torch.dtype) -> bool:
-        last, noise = self._drawn
-        return noise.dtype == dtype and torch.equal(last, decisions)
+            self._drawn = decisions.clone(), draws
+        draws, amplitude = self._drawn[1], self.amplitude
+        if isinstance(amplitude, Tensor):
+            amplitude = amplitude.to(draws).unsqueeze(-1)
+        return (amplitude * draws).to(dtype).unflatten(-1, (self.n, self.n))

@@ -3,7 +3,7 @@
 import difflib
 import inspect
 import math
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args
 
 import torch
 from torch import Tensor, nn
@@ -12,6 +12,7 @@ from dntorch.number import Number
 
 _MANY = (Number, Number | None)
 _NUMERIC = (float, float | None, *_MANY)
+_COLLECTED = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 _MISSING = object()
 
 
@@ -36,7 +37,8 @@ class Parameters(nn.Module):
             except NameError:  # an annotation that only a type checker can look up
                 signature = inspect.signature(cls.__init__)
             _, *own = signature.parameters.values()
-            cls._arguments = cls._arguments | {each.name: each for each in own}
+            named = [each for each in own if each.kind not in _COLLECTED]
+            cls._arguments = cls._arguments | {each.name: each for each in named}
 
     def check(self) -> None:
         """Raise unless the parameters fit each other; called when one of them was set."""
@@ -66,32 +68,46 @@ class Parameters(nn.Module):
             )
         try:
             self._place(name, value)
-            self._check_all()
-            check_batch(self, list(self.origin.shape))
+            self._accept()
+            if part:
+                self.resize(*self.origin.shape)
         except Exception:
             self._place(name, before)
+            if part and isinstance(before, Parameters):
+                before.resize(*self.origin.shape)
             raise
-        if part:
-            self.resize(*self.origin.shape)
+
+    def _accept(self) -> None:
+        """Raise unless all numbers are finite, for this batch, and fit each other."""
+        for name, number in self._numbers().items():
+            self._as_held(self._arguments[name], number)
+        check_batch(self, list(self.origin.shape))
+        self._check_all()
 
     def _place(self, name: str, value: Any) -> None:
         if name in self.__dict__ or name in self._buffers or name in self._parameters:
             delattr(self, name)
         if isinstance(value, Tensor) and not isinstance(value, nn.Parameter):
             self.register_buffer(name, value, persistent=False)
+        elif isinstance(value, nn.Parameter):
+            super().__setattr__(name, outside_inference(value))
         elif value is not _MISSING:
             super().__setattr__(name, value)
 
     def _as_held(self, argument: inspect.Parameter, value: Any) -> Any:
         """A parameter as it is held; refuses what is no finite number where one belongs."""
         name, default = argument.name, argument.default
+        parts = [k for k in _kinds(argument.annotation) if issubclass(k, nn.Module)]
+        if parts and not isinstance(value, (*parts, type(None))):
+            raise TypeError(f"{name}={value!r} is no {parts[0].__name__}: give one")
         if argument.annotation not in _NUMERIC or (value is None and default is None):
             return value
         if isinstance(value, Tensor) and argument.annotation in _MANY:
             if not value.is_meta and not bool(value.isfinite().all()):
                 raise ValueError(f"{name}={value.tolist()} is not finite: give numbers")
             own = isinstance(value, nn.Parameter)  # which an optimizer may already hold
-            return value if own else value.to(self._buffers.get("origin", torch.zeros(())))
+            like = self._buffers.get("origin", torch.zeros(()))
+            return value if own else value.to(like).clone()  # the caller may change his
         if isinstance(value, Tensor) and value.numel() != 1:
             raise ValueError(f"{name}={value.tolist()}: give one number, the same for all agents")
         try:
@@ -125,6 +141,20 @@ class Parameters(nn.Module):
             raise AttributeError(
                 f"{type(self).__name__} has no parameter {name!r}: did you mean {near[0]!r}?"
             )
+
+
+def _kinds(annotation: Any) -> list[type]:
+    """The classes that an annotation such as ``NodeWTA | None`` names."""
+    return [k for k in (*get_args(annotation), annotation) if isinstance(k, type)]
+
+
+def outside_inference(tensor: Any) -> Any:
+    """The tensor, or a copy that may be updated outside of inference mode, too."""
+    if tensor is None or not tensor.is_inference():
+        return tensor
+    with torch.inference_mode(False):
+        copy = tensor.detach().clone()
+        return nn.Parameter(copy) if isinstance(tensor, nn.Parameter) else copy
 
 
 def check_batch(structure: nn.Module, batch: list[int]) -> None:

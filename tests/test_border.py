@@ -88,3 +88,26 @@ def test_senses_are_named_and_others_are_dropped():
     with pytest.raises(TypeError, match="observation is a Tensor: give a dict of tensors by name"):
         agent(torch.zeros(3), reward, noise)
     assert AGENTS["DNSarsa, Repertoire"].build().senses == ("image", "proximity")
+
+
+def test_numbers_of_another_precision_are_those_of_the_agent():
+    agent, twin = DNSarsa(3), DNSarsa(3)
+    for x in (agent, twin):
+        x.learner.trace.u.fill_(0.3)
+    match, noise = torch.tensor([1.0, 0.2, 0.1]), torch.rand(3, 3)
+    for _ in range(3):
+        fine = {"match": match.double()}, torch.tensor(1.0).double(), noise.double()
+        assert torch.equal(agent(*fine), twin({"match": match}, torch.tensor(1.0), noise))
+    assert_same(agent.state, twin.state)
+    _, state = agent.step(*fine, agent.state)
+    agent.step(*fine, state)
+    agent(fine[0], torch.tensor(1e300, dtype=torch.float64), noise)
+    assert agent.ignored == 1 and agent.weights.isfinite().all()
+
+
+def test_a_huge_match_is_a_full_match():
+    agent, twin = DNSarsa(3), DNSarsa(3)
+    for _ in range(40):
+        agent({"match": torch.tensor([1e38, 0.0, -1e38])}, torch.tensor(0.0), torch.zeros(3, 3))
+        twin({"match": torch.tensor([1.0, 0.0, 0.0])}, torch.tensor(0.0), torch.zeros(3, 3))
+    assert_same(agent.state, twin.state)

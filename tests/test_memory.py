@@ -219,7 +219,8 @@ def test_an_output_may_be_edited(case):
 
 
 @pytest.mark.parametrize(
-    ("n", "pulses", "size"), [(8, 64, 1.0), (4, 1, 40.0), (2, 4, 1e6), (4, 3, 1e-3)]
+    ("n", "pulses", "size"),
+    [(8, 64, 1.0), (4, 1, 40.0), (2, 4, 1e6), (4, 3, 1e-3), (4, 2, 2e38), (3, 2, float("inf"))],
 )
 def test_activity_stays_between_0_and_1_for_any_pulses(n, pulses, size):
     memory, pulse = ItemOrderWM(n), torch.zeros(n * n)

@@ -206,3 +206,27 @@ def test_a_wrong_setting_is_refused_whenever_it_is_set(name, value):
     with pytest.raises(ValueError, match=f"{name}="):
         Exploration(4, **({"seed": 0} | {name: value}))
     assert explore.seed == 0 and explore.amplitude == 10.0
+
+
+def test_settings_that_are_tensors_may_be_edited_or_learned():
+    size = torch.tensor([1.0, 2.0])
+    explore, decisions = Exploration(3, 0, [0, 1], size), torch.tensor([2, 6])
+    explore(decisions)
+    explore.amplitude[0] = 9.0
+    expected = Exploration(3, 0, [0, 1], torch.tensor([9.0, 2.0]))
+    assert torch.equal(explore(decisions), expected(decisions))
+    learned = torch.tensor([1.0, 2.0], requires_grad=True)
+    explore.amplitude = learned
+    with torch.no_grad():
+        explore(decisions)
+    for _ in range(2):
+        explore(decisions).sum().backward()
+    assert (learned.grad > 0).all()
+
+
+@pytest.mark.parametrize(
+    "settings", [{"n": 2.5}, {"n": -1}, {"seed": None}, {"seed": True}, {"amplitude": "x"}]
+)
+def test_settings_that_are_no_numbers_are_refused(settings):
+    with pytest.raises(ValueError, match=f"{next(iter(settings))}="):
+        Exploration(**({"n": 3, "seed": 0} | settings))

@@ -5,6 +5,7 @@ import inspect
 import math
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 import torch
 from test_contract import CASES, N, assert_same, compiled, exported, jit, over, scripted, stream
@@ -18,8 +19,10 @@ from dntorch import (
     Gauss,
     Global,
     HebbianQ,
+    Learner,
     Matrices,
     NodeWTA,
+    Repertoire,
 )
 from dntorch.cells.field import FieldState
 from dntorch.cells.kernels import gauss_matrix
@@ -171,6 +174,29 @@ def test_a_part_is_replaced_checked_and_resized():
     assert agent.behaviors.intention is other
 
 
+def test_a_refused_part_leaves_everything_as_it_was():
+    agent = DNSarsa(3).spread(2)
+    learner, intention = agent.learner, agent.behaviors.intention
+    with pytest.raises(ValueError, match="batch"):
+        agent.learner = Learner(3).spread(3)
+    with pytest.raises(TypeError, match="is no NodeWTA: give one"):
+        agent.behaviors.intention = nn.Linear(3, 3)
+    with pytest.raises(TypeError, match="is no NodeWTA: give one"):
+        agent.behaviors.intention = TPCell((3,))
+    with pytest.raises(TypeError, match="is no ElementaryBehaviors: give one"):
+        DNSarsa(3, behaviors=5)
+    assert agent.learner is learner and agent.behaviors.intention is intention
+    agent({"match": torch.zeros(2, 3)}, torch.zeros(2), torch.zeros(2, 3, 3))
+
+
+def test_a_part_stands_in_one_place():
+    eye, nodes = FindColor("RG", hues=12, columns=13), NodeWTA(3)
+    with pytest.raises(ValueError, match=r"parts\.0 and parts\.1 are one part"):
+        Repertoire(eye, eye)
+    with pytest.raises(ValueError, match="intention and satisfaction are one part"):
+        ElementaryBehaviors(3, nodes, nodes)
+
+
 def test_a_structure_shows_what_it_is():
     assert "tau=0.3, h=-5.0, excitation=10.0" in repr(NodeWTA(3))
     assert "n=3" in repr(NodeWTA(3)) and "kernel=(Gauss" in repr(DNF(9))
@@ -254,6 +280,39 @@ def test_numbers_per_agent_inside_an_agent():
     assert agent.learner.trace.tau[1] == 1.0
 
 
+def test_a_number_is_not_the_tensor_of_the_caller():
+    own = torch.tensor([0.2, 0.3])
+    a, b = NodeWTA(3, tau=own), NodeWTA(3, tau=own)
+    own[0] = -5.0
+    assert a.tau.tolist() == pytest.approx([0.2, 0.3])
+    a.restore({**a.snapshot(), "tau": torch.tensor([0.5, 0.6])})
+    assert b.tau.tolist() == pytest.approx([0.2, 0.3])
+    shared = NodeWTA(3, tau=torch.tensor(0.3).expand(2))
+    shared.restore(shared.snapshot())
+
+
+def test_a_snapshot_with_bad_numbers_is_refused_and_changes_nothing():
+    nodes = NodeWTA(3, tau=torch.tensor([0.2, 0.3]))
+    before = nodes.snapshot()
+    for wrong in ([-1.0, 0.3], [0.2, math.nan]):
+        with pytest.raises(ValueError, match="tau="):
+            nodes.restore({**before, "tau": torch.tensor(wrong), "u": torch.ones(2, 3)})
+        assert_same(nodes.snapshot(), before)
+
+
+@pytest.mark.parametrize("wrong", [-1.0, 0, math.nan, np.float32(-1), torch.tensor(0.0)])
+def test_a_wrong_duration_of_a_step_is_refused(wrong):
+    with pytest.raises(ValueError, match="dt="):
+        HebbianQ(3, dt=wrong)
+
+
+def test_state_is_cut_off_from_a_resting_level_that_is_learned():
+    nodes = NodeWTA(3, h=nn.Parameter(torch.tensor(-5.0)))
+    for _ in range(5):
+        nodes(torch.ones(3))
+    assert not nodes.u.requires_grad and not nodes.state.u.requires_grad
+
+
 def test_a_time_constant_can_be_learned():
     nodes = NodeWTA(3, tau=nn.Parameter(torch.tensor(0.3)), h=nn.Parameter(torch.tensor(-5.0)))
     assert {name for name, _ in nodes.named_parameters()} == {"tau", "h"}
@@ -292,6 +351,28 @@ def test_a_kernel_is_differentiable_in_its_numbers():
         (state.u * torch.arange(state.u.numel()).view(state.u.shape)).sum().backward()
         assert all(x.grad != 0 for x in (amplitude, sigma, depth))
         copy.deepcopy(field)
+
+
+def test_a_field_with_a_kernel_of_tensors_is_copied():
+    width = torch.tensor(0.5, requires_grad=True)
+    for term in (Gauss(width.exp(), width + 1), Gauss(2.0, (width + 1, width + 2))):
+        field = DNF((5, 4))
+        field.kernel = (term,)
+        twin = copy.deepcopy(field)
+        stimulus = 8 * torch.ones(5, 4)
+        assert torch.equal(twin(stimulus), field(stimulus).detach())
+
+
+@pytest.mark.parametrize("shape", [(), 9, (4, 5), (2, 3, 4)])
+def test_a_global_term_belongs_to_a_snapshot(shape):
+    a, b = (DNF(shape, (Gauss(3.0, 1.0), Global(depth))) for depth in (-2.0, -0.1))
+    b.restore(a.snapshot())
+    stimulus = 8 * torch.ones(a.shape)
+    for _ in range(3):
+        assert torch.equal(a(stimulus), b(stimulus))
+    assert b.kernel != (Gauss(3.0, 1.0), Global(-0.1))
+    again = DNF(shape, b.kernel)
+    again(stimulus)
 
 
 def test_changed_matrices_read_as_matrices_and_belong_to_a_snapshot():
@@ -352,7 +433,8 @@ def test_what_makes_no_field_is_refused_in_one_sentence(build, message):
         lambda: ItemOrderWM(-1), lambda: ValueOpposition("4"), lambda: ValueNodes(1),
         lambda: TPCell(3), lambda: TPCell((3, 0)), lambda: FindColor(columns=0),
         lambda: FindColor(hues=2.5), lambda: DNF(9, substeps="2"), lambda: DNF(9, substeps=1.5),
-        lambda: DNSarsa(4, substeps=1.5), lambda: DNSarsa(True), lambda: ElementaryBehaviors(1),
+        lambda: DNSarsa(4, substeps=1.5), lambda: Learner(0), lambda: DNSarsa(True),
+        lambda: ElementaryBehaviors(1),
     ],
 )  # fmt: skip
 def test_numbers_of_things_are_whole(build):

@@ -41,9 +41,8 @@ def lateral(output: Tensor, kernels: list[Tensor], everywhere: Number) -> Tensor
     total = separable(output, kernels, 0)
     for term in range(1, kernels[0].shape[0]):
         total = total + separable(output, kernels, term)
-    if isinstance(everywhere, float):
-        if everywhere == 0.0:
-            return total
+    if axes == 1:  # where it is in the matrix
+        return total
     return total + everywhere * output.sum(list(range(-axes, 0)), keepdim=True)
 
 

@@ -150,7 +150,7 @@ def _gauss_matrices(term: Gauss, shape: list[int], borders: tuple) -> list[Tenso
 
 
 def _given_matrices(term: Matrices, shape: list[int]) -> list[Tensor]:
-    matrices = [matrix.double() for matrix in term.matrices]
+    matrices = [torch.as_tensor(matrix).double() for matrix in term.matrices]
     sizes = [list(matrix.shape) for matrix in matrices]
     if sizes != [[n, n] for n in shape]:
         raise ValueError(f"matrices of {sizes} do not fit {shape=}: give (n, n) per axis")

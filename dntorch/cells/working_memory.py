@@ -50,6 +50,7 @@ def working_memory_step(
     With :math:`\Delta (\alpha Q + \beta U) \le \tau` the step goes at most to the goal
     :math:`(\alpha q + \beta u) / (\alpha Q + \beta U)`, which lies between 0 and 1, as u does.
     """
+    pulse = pulse.clamp_max(tau / (dt * excitation))  # alone it fills the memory in one step
     rate = working_memory_rate(pulse, state, tau, excitation, feedback, threshold)
     drive = excitation * rectified(pulse, threshold) + feedback * state.u
     total = drive.sum((-2, -1), keepdim=True)

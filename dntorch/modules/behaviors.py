@@ -81,7 +81,10 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         check_count("n", n, 2)
         self.n = n
         self.value_gain = 5.0 * n if value_gain is None else value_gain
-        self.completion_gain = 2 * self.value_gain if completion_gain is None else completion_gain
+        if completion_gain is None:
+            held = self.value_gain
+            completion_gain = 2 * (held.detach() if isinstance(held, Tensor) else held)
+        self.completion_gain = completion_gain
         self.intention_gain, self.match_gain = intention_gain, match_gain
         # More than keeps two from sharing all value makes near ties oscillate, not decide.
         inhibition = max(30.0, span(self.value_gain)[1] / 2 + 10)

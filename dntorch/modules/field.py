@@ -1,9 +1,11 @@
 """Dynamic neural fields."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
+from torch.utils._pytree import tree_map
 
 from dntorch.cells.field import FieldState, field_step
 from dntorch.cells.functions import sigmoid
@@ -83,6 +85,7 @@ class DNF(Dynamics[FieldState]):
     settable = ("kind", "substeps", "integrator")
     u: Tensor
     shape: list[int]
+    everywhere: Tensor
     kernel_0: Tensor
     kernel_1: Tensor
     kernel_2: Tensor
@@ -120,22 +123,28 @@ class DNF(Dynamics[FieldState]):
     @property
     def kernel(self) -> Kernel:
         """Terms, as they were set; as `Matrices` once the matrices were changed otherwise."""
-        built, everywhere = assemble(self._terms, self.shape, self.border)
-        stacks = self._stacks()
-        # In float32: what was rounded to it and moved to float64 is the same kernel.
-        if all(torch.equal(x.to(y).float(), y.float()) for x, y in zip(built, stacks)):
+        if self.everywhere.is_meta:
             return self._terms
-        terms = tuple(Matrices(tuple(each)) for each in zip(*(stack.unbind() for stack in stacks)))
-        return terms if everywhere == 0.0 else (*terms, Global(everywhere))
+        matrices, everywhere = assemble(self._terms, self.shape, self.border)
+        built, stacks = [*matrices, torch.as_tensor(everywhere)], self._stacks()
+        # In float32: what was rounded to it and moved to float64 is the same kernel.
+        pairs = zip(built, [*stacks, self.everywhere])
+        if all(torch.equal(x.to(y).float(), y.float()) for x, y in pairs):
+            return self._terms
+        terms = [Matrices(tuple(each)) for each in zip(*(stack.unbind() for stack in stacks))]
+        whole = [Global(float(self.everywhere))] if bool(self.everywhere != 0) else []
+        return (*terms, *whole)
+
+    def __getstate__(self) -> dict[str, Any]:
+        cut = tree_map(lambda x: x.detach() if isinstance(x, Tensor) else x, self._terms)
+        return super().__getstate__() | {"_terms": cut}
 
     @kernel.setter
     def kernel(self, kernel: Kernel) -> None:
         terms = as_terms(kernel)
         matrices, everywhere = assemble(terms, self.shape, self.border)  # may refuse
         self._terms = terms
-        if isinstance(everywhere, Tensor):
-            everywhere = everywhere.to(self.origin)
-        self._place("everywhere", everywhere)
+        self._place("everywhere", torch.as_tensor(everywhere).to(self.origin))
         for axis in range(3):
             stack = matrices[axis] if axis < len(matrices) else torch.empty(0)
             self._place(f"kernel_{axis}", stack.to(self.origin))

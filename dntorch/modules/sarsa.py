@@ -156,11 +156,13 @@ class DNSarsa(Dynamics[AgentState]):
         """One control step of ``dt`` seconds: ``(action, state)``."""
         check_ends("noise", noise, [self.n, self.n])
         check_ends("reward", reward, [])
-        batch = list(state.decisions.shape)
+        batch, dtype = list(state.decisions.shape), state.learner.values.weights.dtype
+        reward, noise = reward.to(dtype), noise.to(dtype)
         bad = spoilt(reward, batch) | spoilt(noise, batch)
         seen: dict[str, Tensor] = {}
         for name, value in self.sensorimotor.sense(observation).items():
             if value.is_floating_point():
+                value = value.to(dtype)
                 bad = bad | spoilt(value, batch)
             seen[name] = finite(value)
         reward, noise = finite(reward), finite(noise)
@@ -189,7 +191,7 @@ class DNSarsa(Dynamics[AgentState]):
         intention, satisfaction = self.behaviors.output(state.behaviors)
         weights = state.learner.values.weights
         inner = self.sensorimotor.nested(state.sensorimotor)
-        match = self.sensorimotor.match(observation, inner)
+        match = self.sensorimotor.match(observation, inner).clamp(0.0, 1.0)
         inner = self.sensorimotor.advance(observation, intention, inner)
         return AgentState(
             self.sensorimotor.flat(inner),

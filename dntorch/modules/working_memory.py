@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from dntorch.cells.working_memory import WorkingMemoryState, working_memory_step
-from dntorch.checks import check_count, check_ends, check_time_constant
+from dntorch.checks import check_count, check_ends, check_positive, check_time_constant
 from dntorch.dynamics import Dynamics
 from dntorch.number import Number, span, wide
 
@@ -42,8 +42,8 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
     Reinforcement of Behavioral Sequences in Neural Dynamics"; Grossberg 1978.
 
     **Deviations**: :math:`\tau^u` and :math:`f_P` are not given in the paper; here 1 s and
-    "the pulse itself above a threshold, else 0". Where finite pulses are so strong that a step
-    would overshoot, the step is shortened, so that activity stays within 0 and 1. The
+    "the pulse itself above a threshold, else 0". Where pulses are so strong that a step would
+    overshoot, the step is shortened, so that activity stays within 0 and 1 for any pulse. The
     background section prints the update of pairs t steps back as
     :math:`\gamma^t \lambda \delta`; the trace of SARSA(:math:`\lambda`), and the one that this
     memory makes, is :math:`(\gamma\lambda)^t \delta`.
@@ -76,15 +76,16 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
 
     def check(self) -> None:
         check_time_constant("tau", self.tau, self.dt)
-        for name in ("excitation", "feedback", "threshold"):
+        check_positive("excitation", self.excitation)
+        for name in ("feedback", "threshold"):
             low, _ = span(getattr(self, name))
             if low < 0:
                 raise ValueError(f"{name}={low}: give 0 or more, or activity could leave [0, 1]")
-        (shortest, _), (_, gain) = span(self.tau), span(self.excitation + self.feedback)
-        if self.dt * gain > shortest:
+        _, gain = span((self.excitation + self.feedback) / self.tau)
+        if self.dt * gain > 1:
             raise ValueError(
-                f"dt={self.dt} with tau={shortest}: activity could leave [0, 1]; take dt <= "
-                f"{shortest / gain:.4g}, or less excitation and feedback"
+                f"dt={self.dt} with tau={span(self.tau)[0]}: activity could leave [0, 1]; take "
+                f"dt <= {1 / gain:.4g}, or less excitation and feedback"
             )
 
     def initial(self, batch: list[int]) -> WorkingMemoryState:

@@ -153,7 +153,7 @@ class AgentPolicy(TensorDictModuleBase):
         learner, running = self.agent.learner, state.learner
         active = learner.active(*self.agent.behaviors.output(state.behaviors))
         none = torch.zeros_like(running.opposition.error)
-        trace, reward = running.trace.u, finite(reward)
+        trace, reward = running.trace.u, finite(reward.to(running.values.weights.dtype))
         values = learner.values.euler(active, trace, none, reward, running.values)
 
         def pick(rest: Tensor, running: Tensor) -> Tensor:
