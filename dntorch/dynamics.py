@@ -123,18 +123,32 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
 
         The batch is that of numbers per agent and of parts that have learned in a batch.
         """
-        for name, part in self.named_modules(remove_duplicate=False):
-            if isinstance(part, Dynamics) and self.get_submodule(name) is not self:
-                first = next(k for k, x in self.named_modules() if x is part)
-                if first != name:
-                    raise ValueError(
-                        f"{first} and {name} are one part, which can't have two states: give each "
-                        "its own, such as copy.deepcopy(part)"
-                    )
+        self._check_declaration()
         self._check_all()
         self._note_memory()
         self._ready = True
         self.resize(*self._own_batch())
+
+    def _check_declaration(self) -> None:
+        """Raise unless the class has all that a structure needs, and each part one place."""
+        kind = type(self).__name__
+        if not hasattr(type(self), "_declared"):
+            raise TypeError(
+                f"{kind} declares no state: write class {kind}(Dynamics[XState]) with a NamedTuple "
+                "of tensors and states of parts"
+            )
+        needed = {"initial": "initial(batch)", "step": "euler(..., state), output(state)"}
+        for name, lacking in needed.items():
+            if not hasattr(type(self), name):
+                raise TypeError(f"{kind} lacks {lacking}: see dntorch.Dynamics")
+        places: dict[nn.Module, str] = {}
+        for name, part in self.named_modules(remove_duplicate=False):
+            if isinstance(part, Dynamics) and part in places:
+                raise ValueError(
+                    f"{places[part]} and {name} are one part, which can't have two states: give "
+                    "each its own, such as copy.deepcopy(part)"
+                )
+            places[part] = name
 
     def _check_all(self) -> None:
         """`check`, and that all parts step together."""

@@ -80,6 +80,12 @@ class Memory(Parameters):
 
     def _note_memory(self) -> None:
         """Check that memory is declared, and keep its rank without a batch."""
+        for name in self.lasting:
+            if name not in self._buffers:
+                raise ValueError(
+                    f"{type(self).__name__}.lasting={self.lasting!r} names {name!r}, which is no "
+                    "buffer: give a tuple, and register_buffer each in __init__"
+                )
         for name in self._memory():
             if name not in self.lasting:
                 raise ValueError(

@@ -39,11 +39,14 @@ class Parameters(nn.Module):
             _, *own = signature.parameters.values()
             named = [each for each in own if each.kind not in _COLLECTED]
             cls._arguments = cls._arguments | {each.name: each for each in named}
+            cls.__signature__ = signature.replace(parameters=own)  # ``help`` asks the metaclass
 
     def check(self) -> None:
         """Raise unless the parameters fit each other; called when one of them was set."""
 
     def __setattr__(self, name: str, value: Any) -> None:
+        if "_buffers" not in self.__dict__:
+            raise AttributeError(f"{name} can't be set yet: call super().__init__(dt) first")
         argument = type(self)._arguments.get(name)
         ready = self.__dict__.get("_ready", False)
         if argument is None or isinstance(getattr(type(self), name, None), property):
@@ -61,6 +64,8 @@ class Parameters(nn.Module):
         name, before = argument.name, getattr(self, argument.name, _MISSING)
         value, part = self._as_held(argument, value), isinstance(value, nn.Module)
         numeric = argument.annotation in _NUMERIC
+        if numeric and before is _MISSING:
+            raise ValueError(f"{name}={value} can't be set: it is not kept under its own name")
         if name in self.fixed or not (numeric or part or name in self.settable):
             raise ValueError(
                 f"{name}={value} can't be set: {name} is fixed when a {type(self).__name__} is "
@@ -109,13 +114,16 @@ class Parameters(nn.Module):
             like = self._buffers.get("origin", torch.zeros(()))
             return value if own else value.to(like).clone()  # the caller may change his
         if isinstance(value, Tensor) and value.numel() != 1:
-            raise ValueError(f"{name}={value.tolist()}: give one number, the same for all agents")
+            raise ValueError(
+                f"{name}={value.tolist()}: give one number for all agents, or annotate it Number"
+            )
         try:
             if isinstance(value, (bool, str)):
                 raise TypeError
             number = float(value)
         except (TypeError, ValueError):
-            raise TypeError(f"{name}={value!r} is no number: give a float") from None
+            many = ", or a tensor with one per agent" if argument.annotation in _MANY else ""
+            raise TypeError(f"{name}={value!r} is no number: give a float{many}") from None
         if not math.isfinite(number) and number != default:
             raise ValueError(f"{name}={value} is not finite: give a number")
         return number
@@ -136,6 +144,11 @@ class Parameters(nn.Module):
         return ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
 
     def _refuse_misspelling(self, name: str) -> None:
+        for path, part in self.named_modules():
+            if isinstance(part, Parameters) and name in part._numeric():
+                raise AttributeError(
+                    f"{type(self).__name__} has no parameter {name!r}: set {path}.{name}"
+                )
         near = difflib.get_close_matches(name.lower(), self._arguments, 1, cutoff=0.86)
         if near and not hasattr(self, name):
             raise AttributeError(

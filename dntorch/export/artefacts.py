@@ -37,12 +37,15 @@ _WRITERS = {
 
 def export_structure(
     structure: Dynamics,
-    folder: Path,
+    folder: str | Path,
     inputs: Sequence[Sequence[Input]],
     runtimes: Sequence[str] = DEFAULT,
     name: str = "structure",
 ) -> Path:
     """Export any structure, with a record of what it does with ``inputs``, one row per step."""
+    if len(inputs) == 0 or not all(isinstance(row, tuple | list) for row in inputs):
+        raise ValueError("inputs: give one tuple of inputs per step, such as [(input,)] * 20")
+    folder = Path(folder)
     boundary = Boundary(structure, *inputs[0])
     rows = iter(inputs)
     golden = record(boundary, lambda step, outcome: (next(rows), {}), len(inputs))

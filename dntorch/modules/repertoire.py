@@ -1,5 +1,7 @@
 """Several kinds of behaviour in one body."""
 
+import math
+
 import torch
 from torch import Tensor, nn
 
@@ -24,7 +26,7 @@ class Repertoire(Sensorimotor[dict[str, Tensor]]):
 
     Args:
         parts: any number of `Sensorimotor`, with the same motors and ``dt``.
-        max_speed: largest absolute wheel speed, rad/s; by default the smallest of the parts'.
+        max_speed: largest absolute wheel speed, rad/s; at most the smallest of the parts'.
 
     Raises:
         ValueError: no part, or one with another ``dt``.
@@ -42,16 +44,21 @@ class Repertoire(Sensorimotor[dict[str, Tensor]]):
     True
     """
 
-    def __init__(self, *parts: Sensorimotor, max_speed: float | None = None) -> None:
+    def __init__(self, *parts: Sensorimotor, max_speed: float = math.inf) -> None:
         for k, part in enumerate(parts):
             if not isinstance(part, Sensorimotor):
-                raise TypeError(f"parts[{k}]={part} is no Sensorimotor: write it as `Direct` is")
+                kind = (
+                    part.__name__ + ", a class" if isinstance(part, type) else type(part).__name__
+                )
+                raise TypeError(
+                    f"parts[{k}] is a {kind}: give structures, as Repertoire(FindColor(), Other())"
+                )
             if not hasattr(part, "n"):
-                raise ValueError(f"parts[{k}]={part} does not say its number of behaviours, n")
+                raise ValueError(f"parts[{k}], a {type(part).__name__}, does not say its n")
         if not parts:
             raise ValueError("parts=(): give at least one sensorimotor part")
         fastest = min(part.max_speed for part in parts)
-        super().__init__(parts[0].dt, fastest if max_speed is None else max_speed)
+        super().__init__(parts[0].dt, min(fastest, max_speed))
         self.parts = nn.ModuleList(parts)
         self.n = sum(part.n for part in parts)
         self.senses = tuple(dict.fromkeys(name for part in parts for name in part.senses))

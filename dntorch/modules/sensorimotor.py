@@ -70,6 +70,11 @@ class Sensorimotor(Dynamics[S]):
 
     def check(self) -> None:
         check_positive("max_speed", self.max_speed)
+        for name in ("advance", "act"):
+            if not hasattr(self, name):
+                raise TypeError(f"{type(self).__name__} lacks {name}: see dntorch.Sensorimotor")
+        if isinstance(self.senses, str):
+            raise ValueError(f"senses={self.senses!r} is a string: write ({self.senses!r},)")
         if self.senses == ("",):
             raise ValueError(
                 f"{type(self).__name__} does not say what it reads: give it senses = ('image',)"
