@@ -52,99 +52,98 @@ def fields(state: Any) -> dict[str, str]:
     return kinds
 
 
+#: For each kind of entry, what one method does with the entry called ``{0}``.
+FORMS = {
+    "tensor": {
+        "held": "self.{0}.clone()",
+        "write": "overwrite(self.{0}, state.{0})",
+        "flat": "flat['{0}'] = state.{0}",
+        "nested": "flat['{0}']",
+        "halfway": "halfway(start.{0}, end.{0})",
+    },
+    "part": {
+        "held": "self.{0}.state",
+        "write": "self.{0}.write(state.{0})",
+        "rest": "self.{0}.initial(batch)",
+        "flat": "flat.update(beneath('{0}', self.{0}.flat(state.{0})))",
+        "nested": "self.{0}.nested(within(flat, '{0}.'))",
+        "halfway": "self.{0}.halfway(start.{0}, end.{0})",
+    },
+    "dict": {
+        "held": "self.{0}.flat(self.{0}.state)",
+        "write": "self.{0}.write(self.{0}.nested(state.{0}))",
+        "rest": "self.{0}.flat(self.{0}.initial(batch))",
+        "flat": "flat.update(beneath('{0}', state.{0}))",
+        "nested": "within(flat, '{0}.')",
+        "halfway": "halfway_each(start.{0}, end.{0})",
+    },
+}
+HEADS = {
+    "state": "state(self) -> State",
+    "set": "state(self, state: State) -> None",
+    "write": "write(self, state: State) -> None",
+    "initial": "initial(self, batch: list[int]) -> State",
+    "flat": "flat(self, state: State) -> dict[str, Tensor]",
+    "nested": "nested(self, flat: dict[str, Tensor]) -> State",
+    "halfway": "halfway(self, start: State, end: State) -> State",
+    "reset": "reset(self) -> None",
+    "forget": "forget(self) -> None",
+}
+DECORATORS = {"state": "@property", "set": "@state.setter", "reset": "@export", "forget": "@export"}
+
+
 def write_plumbing(cls: type, state: Any) -> None:
     """All that moves, names and averages a state of this type."""
-    names = {
-        "State": state, "Tensor": Tensor, "overwrite": overwrite, "halfway": halfway,
-        "within": within, "halfway_each": halfway_each, "remember": remember,
-    }  # fmt: skip
-    if get_origin(state) is dict:  # no field of its own; a structure with parts overrides these
-        source = _source(
-            ("state(self) -> State", ["state: State = {}", "return state"], "@property"),
-            ("state(self, state: State) -> None", ["self.write(state)"], "@state.setter"),
-            ("write(self, state: State) -> None", ["pass"], ""),
-            ("initial(self, batch: list[int]) -> State", ["state: State = {}", "return state"], ""),
-            ("flat(self, state: State) -> dict[str, Tensor]", ["return state"], ""),
-            ("nested(self, flat: dict[str, Tensor]) -> State", ["return flat"], ""),
-            ("halfway(self, start: State, end: State) -> State",
-             ["return halfway_each(start, end)"], ""),
-            ("reset(self) -> None", ["pass"], "@export"),
-            ("forget(self) -> None", _forgotten(cls.lasting) or ["pass"], "@export"),
-        )  # fmt: skip
-    else:
-        source = _fields_source(fields(state), cls.lasting)
-    add_methods(cls, source, names)
+    open_names = get_origin(state) is dict
+    bodies = _open_bodies() if open_names else _bodies(fields(state), cls.lasting)
+    bodies["set"] = ["self.write(state)"]
+    bodies["forget"] = [f"self.{name}.zero_()" for name in cls.lasting] + bodies["forget"]
+    source = ""
+    for name, head in HEADS.items():
+        if name in bodies:
+            lines = [f"    {line}" for line in bodies[name] or ["pass"]]
+            source += "\n".join([DECORATORS.get(name, ""), f"def {head}:", *lines, ""])
+    functions = (overwrite, remember, halfway, halfway_each, beneath, within)
+    add_methods(
+        cls, source, {"State": state, "Tensor": Tensor} | {f.__name__: f for f in functions}
+    )
 
 
-def _fields_source(kinds: dict[str, str], lasting: tuple[str, ...]) -> str:
-    """Source for a state with fields. Each kind of field has one expression per method."""
-    held = {
-        "tensor": "self.{0}.clone()", "part": "self.{0}.state",
-        "dict": "self.{0}.flat(self.{0}.state)",
-    }  # fmt: skip
-    write = {
-        "tensor": "overwrite(self.{0}, state.{0})", "part": "self.{0}.write(state.{0})",
-        "dict": "self.{0}.write(self.{0}.nested(state.{0}))",
-    }  # fmt: skip
-    rest = {"part": "self.{0}.initial(batch)", "dict": "self.{0}.flat(self.{0}.initial(batch))"}
-    flat = {
-        "tensor": "flat['{0}'] = state.{0}",
-        "part": "for name, x in self.{0}.flat(state.{0}).items():\n        flat['{0}.' + name] = x",
-        "dict": "for name, x in state.{0}.items():\n        flat['{0}.' + name] = x",
-    }
-    nested = {
-        "tensor": "flat['{0}']", "part": "self.{0}.nested(within(flat, '{0}.'))",
-        "dict": "within(flat, '{0}.')",
-    }  # fmt: skip
-    middle = {
-        "tensor": "halfway(start.{0}, end.{0})",
-        "part": "self.{0}.halfway(start.{0}, end.{0})",
-        "dict": "halfway_each(start.{0}, end.{0})",
-    }
+def _bodies(kinds: dict[str, str], lasting: tuple[str, ...]) -> dict[str, list[str]]:
+    """Lines of each method for a state with these entries."""
 
-    def each(forms: dict[str, str]) -> list[str]:
-        return [forms[kind].format(name) for name, kind in kinds.items()]
+    def each(method: str) -> list[str]:
+        return [FORMS[kind][method].format(name) for name, kind in kinds.items()]
 
-    def written(name: str, kind: str) -> str:
-        return "remember(self.{0}, state.{0})" if name in lasting else write[kind]
-
-    def whole(forms: dict[str, str]) -> list[str]:
-        return [f"return State({', '.join(each(forms))})"]
+    def whole(method: str) -> list[str]:
+        return [f"return State({', '.join(each(method))})"]
 
     own = [name for name, kind in kinds.items() if kind == "tensor"]
-    parts = [name for name, kind in kinds.items() if kind != "tensor"]
-    fading = [name for name in own if name not in lasting]
-    reset = [f"self.{name}.reset()" for name in parts]
-    if fading:
-        reset.append("rest = self.initial(list(self.origin.shape))")
-        reset += [f"overwrite(self.{name}, rest.{name})" for name in fading]
-    forget = _forgotten(lasting) + [f"self.{name}.forget()" for name in parts]
-    methods = [
-        ("state(self) -> State", whole(held), "@property"),
-        ("state(self, state: State) -> None", ["self.write(state)"], "@state.setter"),
-        ("write(self, state: State) -> None",
-         [written(name, kind).format(name) for name, kind in kinds.items()], ""),
-        ("flat(self, state: State) -> dict[str, Tensor]",
-         ["flat: dict[str, Tensor] = {}", *each(flat), "return flat"], ""),
-        ("nested(self, flat: dict[str, Tensor]) -> State", whole(nested), ""),
-        ("halfway(self, start: State, end: State) -> State", whole(middle), ""),
-        ("reset(self) -> None", reset or ["pass"], "@export"),
-        ("forget(self) -> None", forget or ["pass"], "@export"),
-    ]  # fmt: skip
-    if not own:
-        methods.append(("initial(self, batch: list[int]) -> State", whole(rest), ""))
-    return _source(*methods)
+    parts = [name for name in kinds if name not in own]
+    fading = [f"overwrite(self.{name}, rest.{name})" for name in own if name not in lasting]
+    rest = ["rest = self.initial(list(self.origin.shape))"] if fading else []
+    return {
+        "state": whole("held"),
+        "write": [
+            f"remember(self.{name}, state.{name})" if name in lasting else line
+            for name, line in zip(kinds, each("write"))
+        ],
+        "flat": ["flat: dict[str, Tensor] = {}", *each("flat"), "return flat"],
+        "nested": whole("nested"),
+        "halfway": whole("halfway"),
+        "reset": [*(f"self.{name}.reset()" for name in parts), *rest, *fading],
+        "forget": [f"self.{name}.forget()" for name in parts],
+    } | ({} if own else {"initial": whole("rest")})
 
 
-def _forgotten(lasting: tuple[str, ...]) -> list[str]:
-    return [f"self.{name}.zero_()" for name in lasting]
-
-
-def _source(*methods: tuple[str, list[str], str]) -> str:
-    return "\n".join(
-        "\n".join([decorator] * bool(decorator) + [f"def {head}:"] + [f"    {x}" for x in body])
-        for head, body, decorator in methods
-    )
+def _open_bodies() -> dict[str, list[str]]:
+    """The same for ``dict[str, Tensor]``: no entry; a structure with parts writes its own."""
+    none = ["state: State = {}", "return state"]
+    return {
+        "state": none, "write": [], "initial": none, "flat": ["return state"],
+        "nested": ["return flat"], "halfway": ["return halfway_each(start, end)"], "reset": [],
+        "forget": [],
+    }  # fmt: skip
 
 
 def write_steps(cls: type) -> None:
@@ -246,6 +245,14 @@ def remember(memory: Tensor, value: Tensor) -> None:
             f"{list(memory.shape)}: call spread(*batch) to give each its own"
         )
     memory.copy_(value.detach())
+
+
+def beneath(name: str, flat: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors of a part under the names they have in the whole."""
+    whole: dict[str, Tensor] = {}
+    for own, x in flat.items():
+        whole[name + "." + own] = x
+    return whole
 
 
 def within(flat: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -425,7 +425,7 @@ def test_a_sought_color_comes_into_view_is_found_once_and_lingers():
     seen, found = [], []
     for k in range(4 * SECOND):
         step, state = world.step(green if k < 2 * SECOND else 0 * green, state)
-        seen.append(bool(step.observation[1]))
+        seen.append(bool(step.observation["match"][1]))
         found.append(int(step.found))
     assert seen.index(True) == SECOND and sum(seen) == SECOND + SECOND // 2
     assert found.index(1) == SECOND + SECOND // 2 - 1 and found.count(NOTHING) == len(found) - 1

@@ -209,9 +209,7 @@ def test_without_lateral_interaction_it_aims_between_two_blocks():
     body = FindColor()
     for field in body.modules():
         if isinstance(field, DNF):
-            field.everywhere = 0.0
-            for kernel in (field.kernel_0, field.kernel_1, field.kernel_2):
-                kernel.zero_()
+            field.kernel = ()
     two, alone = (sight := look("BB", TWO, body=body)).speed
     assert abs(two) < 0.4 * alone
     assert sight.lit[0, :20].any() and sight.lit[0, 38:].any()

@@ -191,7 +191,7 @@ class DNSarsa(Dynamics[AgentState]):
         intention, satisfaction = self.behaviors.output(state.behaviors)
         weights = state.learner.values.weights
         inner = self.sensorimotor.nested(state.sensorimotor)
-        match = self.sensorimotor.match(observation, inner).clamp(0.0, 1.0)
+        match = self.sensorimotor.match(observation, inner).clamp(-100.0, 100.0)
         inner = self.sensorimotor.advance(observation, intention, inner)
         return AgentState(
             self.sensorimotor.flat(inner),
