@@ -1,6 +1,6 @@
 """Methods that follow from a declaration, written as attrs and dataclasses write ``__init__``.
 
-The fields of a structure's state say all that its plumbing has to do. Here this becomes the
+The entries of a structure's state say all that its plumbing has to do. Here this becomes the
 source of methods, one class at a time: plain code that TorchScript, Dynamo and a debugger
 read like any other.
 """
@@ -15,7 +15,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import torch
 from torch import Tensor, nn
 
-from dntorch.cells.integrators import halfway
+from dntorch.plumbing import beneath, halfway, halfway_each, overwrite, remember, within
 
 
 def state_type(cls: type, base: type) -> Any:
@@ -41,7 +41,7 @@ RESERVED = ("state", "flat", "nested", "write", "initial", "step", "forward", "o
 
 
 def fields(state: Any) -> dict[str, str]:
-    """Kind of each field of a state: ``tensor``, ``part`` or, of an open set of names, ``dict``."""
+    """Kind of each entry of a state: ``tensor``, ``part`` or, of an open set of names, ``dict``."""
     kinds, hints = {}, get_type_hints(state)
     state.__annotations__.update(hints)  # TorchScript reads no strings
     for name, kind in hints.items():
@@ -219,54 +219,3 @@ def add_methods(cls: type, source: str, names: dict[str, Any]) -> None:
 
 
 _numbers = itertools.count()
-
-
-# What generated methods call.
-
-
-def overwrite(buffer: Tensor, value: Tensor) -> None:
-    """Write a new state into a buffer, in place, cut off from the graph.
-
-    In place, since a rebound buffer is lost by ``torch.jit.trace`` and ``torch.export``.
-    """
-    if buffer.shape != value.shape:
-        raise ValueError(
-            f"state of shape {list(value.shape)} does not fit the buffer of shape "
-            f"{list(buffer.shape)}: call resize(*batch) with the batch of the inputs first"
-        )
-    buffer.copy_(value.detach())
-
-
-def remember(memory: Tensor, value: Tensor) -> None:
-    """The same for what outlives a reset."""
-    if memory.shape != value.shape:
-        raise ValueError(
-            f"values of shape {list(value.shape)} do not fit the memory of shape "
-            f"{list(memory.shape)}: call spread(*batch) to give each its own"
-        )
-    memory.copy_(value.detach())
-
-
-def beneath(name: str, flat: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors of a part under the names they have in the whole."""
-    whole: dict[str, Tensor] = {}
-    for own, x in flat.items():
-        whole[name + "." + own] = x
-    return whole
-
-
-def within(flat: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
-    """The tensors whose names begin with ``prefix``, without it."""
-    found: dict[str, Tensor] = {}
-    for name, x in flat.items():
-        if name.startswith(prefix):
-            found[name[len(prefix) :]] = x
-    return found
-
-
-def halfway_each(start: dict[str, Tensor], end: dict[str, Tensor]) -> dict[str, Tensor]:
-    """`halfway` between two states by name."""
-    middle: dict[str, Tensor] = {}
-    for name, x in start.items():
-        middle[name] = halfway(x, end[name])
-    return middle

@@ -144,13 +144,15 @@ class Parameters(nn.Module):
         return ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
 
     def _refuse_misspelling(self, name: str) -> None:
+        if hasattr(self, name):
+            return
         for path, part in self.named_modules():
             if isinstance(part, Parameters) and name in part._numeric():
                 raise AttributeError(
                     f"{type(self).__name__} has no parameter {name!r}: set {path}.{name}"
                 )
         near = difflib.get_close_matches(name.lower(), self._arguments, 1, cutoff=0.86)
-        if near and not hasattr(self, name):
+        if near:
             raise AttributeError(
                 f"{type(self).__name__} has no parameter {name!r}: did you mean {near[0]!r}?"
             )

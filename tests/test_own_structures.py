@@ -120,6 +120,13 @@ def test_a_parameter_of_a_part_is_not_set_on_the_whole():
         DNSarsa(3).learning_rate = 0.5
 
 
+def test_what_a_structure_has_may_be_set_whatever_its_parts_call_so():
+    agent = DNSarsa(3)
+    agent.__dict__["tau"] = 1.0  # an attribute of its own
+    agent.tau = 2.0
+    assert agent.tau == 2.0 and agent.learner.trace.tau == 1.0
+
+
 def test_a_body_is_as_fast_as_its_slowest_part():
     free = FindColor(max_speed=1e9)
     assert Repertoire(free).max_speed == 1e9

@@ -18,18 +18,6 @@ A structure with ``substeps`` and ``integrator`` therefore steps like this::
 The input is held during a step: order two holds for the state, not for a moving input.
 """
 
-from torch import Tensor
-
-
-def halfway(start: Tensor, end: Tensor) -> Tensor:
-    """Mean of two states: with ``end`` two Euler steps after ``start``, one step of Heun.
-
-    Counts have no middle: they stay as they were at the start.
-    """
-    if not start.is_floating_point():
-        return start
-    return start.lerp(end, 0.5)
-
 
 def check_integrator(integrator: str, substeps: int) -> None:
     """Raise unless ``integrator`` is known and ``substeps`` at least one."""

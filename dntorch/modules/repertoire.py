@@ -6,8 +6,8 @@ import torch
 from torch import Tensor, nn
 
 from dntorch.checks import check_ends
-from dntorch.declare import within
 from dntorch.modules.sensorimotor import Sensorimotor
+from dntorch.plumbing import within
 
 
 class Repertoire(Sensorimotor[dict[str, Tensor]]):
