@@ -24,6 +24,7 @@ import numpy as np
 import torch
 
 from dntorch import DNSarsa
+from dntorch.process import settle
 
 SIZES = {"ui": 4, "uc": 4, "val": 4, "pulse": 16, "inhib": 16, "trace": 16, "opp": 16, "err": 1,
          "w": 16}  # fmt: skip
@@ -185,8 +186,7 @@ def main() -> None:
     parser.add_argument("--batches", type=int, nargs="+", default=[256, 4096])
     parser.add_argument("--rounds", type=int, default=15)
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     ways: dict[str, Callable] = {"eager modules": Modules, "NumPy": Arrays}
     if shutil.which("g++"):
         ways |= {"compiled modules": lambda batch: Modules(batch, True), "C++": Floor}

@@ -12,12 +12,12 @@ import argparse
 import statistics
 import time
 
-import torch
 from torchrl.collectors import Collector
 
-from dntorch.experiments.config import Config, build_agent, build_exploration
-from dntorch.experiments.trial import Trial
+from dntorch.process import settle
 from dntorch.rl import AgentPolicy, epuck, nodes
+from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.trial import Trial
 
 
 def collector(config: Config, frames: int, carried: bool = False, **options):
@@ -34,8 +34,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=60)
     parser.add_argument("--steps", type=int, default=25, help="in each turn")
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     frames = arguments.steps
     for world in ("epuck", "nodes"):
         config = Config(world=world)

@@ -22,9 +22,10 @@ import numpy as np
 import torch
 
 from dntorch import DNSarsa, FindColor
-from dntorch.experiments.config import Config
-from dntorch.experiments.trial import Trial
 from dntorch.export import RUNTIMES, export_run, replay
+from dntorch.process import settle
+from dntorch.runs.config import Config
+from dntorch.runs.trial import Trial
 
 ROUNDS, STEPS, WARM = 40, 50, 100
 
@@ -36,8 +37,7 @@ def main() -> None:
     parser.add_argument("--aotinductor", action="store_true")
     parser.add_argument("--cpp", type=Path, help="the C++ runner that `make cpp` builds")
     options = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     runtimes = ["torchscript", "export", "onnx"] + ["aotinductor"] * options.aotinductor
     with tempfile.TemporaryDirectory() as folder:
         export = untrained(Path(folder), runtimes)

@@ -14,10 +14,11 @@ from pathlib import Path
 import torch
 from torchrl.collectors import Collector
 
-from dntorch.experiments import checkpoint
-from dntorch.experiments.config import Config, build_agent, build_exploration
-from dntorch.experiments.trial import Trial
+from dntorch import files
+from dntorch.process import settle
 from dntorch.rl import AgentPolicy, epuck
+from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.trial import Trial
 
 
 def build(config: Config, frames: int) -> tuple[Collector, AgentPolicy]:
@@ -42,19 +43,18 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("runs/collector"))
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     arguments.out.mkdir(parents=True, exist_ok=True)
     config = Config(seed=arguments.seed, steps=arguments.steps, explore=arguments.steps // 2)
     frames = config.steps // 10
 
     collector, _ = build(config, frames)
     collect(collector, 5)
-    checkpoint.save(arguments.out / "collector.pt", {"state": collector.state_dict()})
+    files.save(arguments.out / "collector.pt", {"state": collector.state_dict()})
     collector.shutdown()
 
     collector, policy = build(config, frames)
-    collector.load_state_dict(checkpoint.load(arguments.out / "collector.pt")["state"])
+    collector.load_state_dict(files.load(arguments.out / "collector.pt")["state"])
     collect(collector, 5)
     collector.shutdown()
 

@@ -22,16 +22,16 @@ from tensordict import TensorDict
 from torchrl.collectors import MultiAsyncCollector
 from torchrl.envs import EnvBase
 
-from dntorch.experiments import checkpoint
-from dntorch.experiments.config import Config, build_agent, build_exploration
-from dntorch.experiments.trial import Trial
+from dntorch import files
+from dntorch.process import settle
 from dntorch.rl import AgentPolicy, AgentPrimer, epuck
+from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.trial import Trial
 
 
 def build_env(config: Config, primer: AgentPrimer) -> EnvBase:
     """Called in the worker: process-wide settings belong here too, nothing else sets them."""
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     return epuck(config, primer)
 
 
@@ -66,8 +66,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=3, help="of the first agent")
     parser.add_argument("--out", type=Path, default=Path("runs/collector_async"))
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     arguments.out.mkdir(parents=True, exist_ok=True)
     steps, task = arguments.steps, {"sequence": "GB", "colors": "GBY"}
     configs = [
@@ -78,8 +77,8 @@ def main() -> None:
     first = configs[0]
     policy = AgentPolicy(build_agent(first), first.explore, build_exploration(first), carried=True)
     file = arguments.out / "collector.pt"
-    checkpoint.save(file, {"state": collect(policy, configs, steps // 2)[0]})
-    learned = collect(policy, configs, steps, checkpoint.load(file)["state"])[1]
+    files.save(file, {"state": collect(policy, configs, steps // 2)[0]})
+    learned = collect(policy, configs, steps, files.load(file)["state"])[1]
 
     for config in configs:
         batch = learned[config.seed]

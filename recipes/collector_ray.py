@@ -20,16 +20,16 @@ import ray
 import torch
 from torchrl.collectors.distributed import RayCollector
 
-from dntorch.experiments import checkpoint
-from dntorch.experiments.config import Config, build_agent, build_exploration
-from dntorch.experiments.trial import Trial
+from dntorch import files
+from dntorch.process import settle
 from dntorch.rl import AgentPolicy, epuck
+from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.trial import Trial
 
 
 def build_policy(config: Config) -> AgentPolicy:
     """Called in the worker: process-wide settings belong here too, nothing else sets them."""
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     return AgentPolicy(build_agent(config), config.explore, build_exploration(config))
 
 
@@ -64,8 +64,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/collector_ray"))
     parser.add_argument("--address", default="local", help="of a Ray cluster")
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     arguments.out.mkdir(parents=True, exist_ok=True)
     steps, task = arguments.steps, {"sequence": "GB", "colors": "GBY"}
     configs = [
@@ -77,8 +76,8 @@ def main() -> None:
     here = here if arguments.address == "local" else {}
     ray.init(arguments.address, log_to_driver=False, **here)
     file = arguments.out / "collector.pt"
-    checkpoint.save(file, {"state": collect(configs, 2)})
-    learned = collect(configs, 2, checkpoint.load(file)["state"])
+    files.save(file, {"state": collect(configs, 2)})
+    learned = collect(configs, 2, files.load(file)["state"])
     ray.shutdown()
 
     for config, state in zip(configs, learned):

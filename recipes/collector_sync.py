@@ -18,16 +18,16 @@ from pathlib import Path
 import torch
 from torchrl.collectors import MultiSyncCollector
 
-from dntorch.experiments import checkpoint
-from dntorch.experiments.config import Config, build_agent, build_exploration
-from dntorch.experiments.trial import Trial
+from dntorch import files
+from dntorch.process import settle
 from dntorch.rl import AgentPolicy, epuck
+from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.trial import Trial
 
 
 def build_policy(config: Config) -> AgentPolicy:
     """Called in the worker: process-wide settings belong here too, nothing else sets them."""
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     return AgentPolicy(build_agent(config), config.explore, build_exploration(config))
 
 
@@ -58,8 +58,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=3, help="of the first agent")
     parser.add_argument("--out", type=Path, default=Path("runs/collector_sync"))
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
     arguments.out.mkdir(parents=True, exist_ok=True)
     steps, task = arguments.steps, {"sequence": "GB", "colors": "GBY"}
     configs = [
@@ -68,8 +67,8 @@ def main() -> None:
     ]
 
     file = arguments.out / "collector.pt"
-    checkpoint.save(file, {"state": collect(configs, 2)})
-    learned = collect(configs, 2, checkpoint.load(file)["state"])
+    files.save(file, {"state": collect(configs, 2)})
+    learned = collect(configs, 2, files.load(file)["state"])
 
     for k, config in enumerate(configs):
         policy, trial = build_policy(config), Trial(config)

@@ -24,6 +24,7 @@ from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import ClipPPOLoss
 
 from dntorch import DNF, Gauss, Global
+from dntorch.process import settle
 
 SITES, LIT, DARK = 31, 10, 16  # field sites; control steps of 1/32 s
 
@@ -81,7 +82,7 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=128, help="in a round")
     arguments = parser.parse_args()
     torch.manual_seed(0)
-    torch.set_num_threads(1)
+    settle()
 
     eye = Eye()
     head = nn.Linear(SITES, 2)

@@ -25,6 +25,7 @@ from torchrl.data import Unbounded
 
 from dntorch import DNF, DNSarsa, Exploration, Gauss, Global, Sensorimotor
 from dntorch.cells.field import FieldState
+from dntorch.process import settle
 from dntorch.rl import AgentPolicy
 from dntorch.rl.envs import wrap
 
@@ -104,8 +105,7 @@ def main() -> None:
     parser.add_argument("--exploit", type=int, default=8_000)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
 
     agent = DNSarsa(len(STATIONS), Cart())
     noise = Exploration(agent.n, arguments.seed)

@@ -25,6 +25,7 @@ from torch import Tensor
 from dntorch import ItemOrderWM
 from dntorch.envs import SequenceTask
 from dntorch.noise import keyed_uniform
+from dntorch.process import settle
 
 DT, PULSE, GAMMA, RATE = 1 / 32, 16, 0.9, 0.05  # s, steps of a pulse of size 1, -, per decision
 MEMORY = {"tau": 1.0, "excitation": 1.1, "feedback": 0.8, "dt": DT}
@@ -101,8 +102,7 @@ def main() -> None:
     parser.add_argument("--decisions", type=int, default=600)
     parser.add_argument("--seeds", type=int, default=64)
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+    settle()
 
     print(f"decay per event: exp(-alpha A / tau) = {DECAY:.3f}")
     waits = [1, 4, 15, 60]

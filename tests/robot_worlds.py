@@ -5,9 +5,9 @@ import numpy as np
 from dntorch.robot.clock import VirtualClock
 from dntorch.robot.dialects import DIALECTS
 from dntorch.robot.driver import Driver
-from dntorch.robot.emulator import Emulator
-from dntorch.robot.firmware import build_firmware
-from dntorch.robot.servers import MemoryServer
+from dntorch.robot.emulated.emulator import Emulator
+from dntorch.robot.emulated.firmware import build_firmware
+from dntorch.robot.emulated.servers import MemoryServer
 
 STEPS = 1000 / (2 * np.pi)
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from dntorch.experiments import checkpoint
-from dntorch.experiments.config import Config, build_agent
+from dntorch import files
 from dntorch.robot.calibration import Calibration
+from dntorch.runs.config import Config, build_agent
 
 RECIPES = Path(__file__).parents[1] / "recipes"
 
@@ -68,31 +68,31 @@ def test_the_memory_is_a_trace() -> None:
 
 def test_many_seeds_ends_when_no_seed_is_left(tmp_path: Path) -> None:
     printed = run(
-        "many_seeds.py", "--steps", 60, "--explore", 40, "--most", 1, "--processes", 1,
+        "evidence/many_seeds.py", "--steps", 60, "--explore", 40, "--most", 1, "--processes", 1,
         "--out", tmp_path,
     )  # fmt: skip
     assert "1 seeds, 0 found it" in printed
 
 
-TESTED = set(re.findall(r'"(\w+)(?:\.py)?"[,\])]', Path(__file__).read_text()))
+TESTED = set(re.findall(r'"(?:evidence/)?(\w+)(?:\.py)?"[,\])]', Path(__file__).read_text()))
 
 
 @pytest.mark.parametrize(
-    "path", [p for p in RECIPES.glob("*.py") if p.stem in TESTED], ids=lambda p: p.stem
+    "path", [p for p in RECIPES.rglob("*.py") if p.stem in TESTED], ids=lambda p: p.stem
 )
 def test_a_recipe_stands_alone(path: Path) -> None:
     text = path.read_text()
     assert len(text.splitlines()) <= 150 and "from recipes" not in text
-    assert f"python recipes/{path.name}" in text  # how to run it
+    assert f"python recipes/{path.relative_to(RECIPES)}" in text  # how to run it
 
 
 def test_no_recipe_is_left_out() -> None:
-    assert {path.stem for path in RECIPES.glob("*.py")} <= TESTED
+    assert {path.stem for path in RECIPES.rglob("*.py")} <= TESTED
 
 
 def test_substeps_prints_a_line_each(tmp_path: Path) -> None:
     printed = run(
-        "substeps.py", "--runs", 2, "--steps", 40, "--explore", 20, "--processes", 1,
+        "evidence/substeps.py", "--runs", 2, "--steps", 40, "--explore", 20, "--processes", 1,
         "--out", tmp_path,
     )  # fmt: skip
     assert re.findall(r"^(\d) sub-steps: found 0 of 2", printed, re.MULTILINE) == ["1", "2", "4"]
@@ -105,18 +105,18 @@ PLAIN = {"PATH": "", "CXX": ""}
 @pytest.mark.parametrize(
     ("name", "lines", "options"),
     [
-        ("controls.py", 14, ""),
-        ("sensitivity.py", 56, ""),
-        ("reach.py", 2, "--points 0 13 --steps 500 --explore 400"),
+        ("evidence/controls.py", 14, ""),
+        ("evidence/sensitivity.py", 56, ""),
+        ("evidence/reach.py", 2, "--points 0 13 --steps 500 --explore 400"),
     ],
 )
 def test_studies_print_a_line_a_point(name: str, lines: int, options: str, tmp_path: Path) -> None:
     budget = f"--runs 2 --steps 240 --explore 200 --processes 1 {options}".split()
     printed = run(name, *budget, "--out", tmp_path, **PLAIN)
     assert len(re.findall(r"found +\d+ +optimal", printed)) == lines
-    content = json.loads((tmp_path / name).with_suffix(".json").read_text())
+    content = json.loads((tmp_path / Path(name).name).with_suffix(".json").read_text())
     assert content["runs"] == 2
-    assert name == "controls.py" or (tmp_path / name).with_suffix(".png").exists()
+    assert name == "evidence/controls.py" or (tmp_path / name).with_suffix(".png").exists()
 
 
 @pytest.fixture
@@ -126,7 +126,7 @@ def trained(tmp_path: Path) -> Path:
     agent = build_agent(config)
     agent.weights.copy_(0.5 * (1 - torch.eye(2)))
     content = {"config": vars(config), "agent": agent.snapshot()}
-    checkpoint.save(tmp_path / "checkpoint.pt", content)
+    files.save(tmp_path / "checkpoint.pt", content)
     return tmp_path
 
 
@@ -135,18 +135,18 @@ def test_values_learned_in_simulation_drive_a_robot(trained: Path) -> None:
     out.mkdir()  # with a calibration, so that it need not look around first
     Calibration(fov=0.656, fps=8.0).save(out / "mild.json")
     given = ["--layouts", 1, "--cameras", "mild", "--drivers", "agent", "--processes", 1]
-    printed = run("transfer.py", trained, *given, "--no-films", "--out", out)
+    printed = run("evidence/transfer.py", trained, *given, "--no-films", "--out", out)
     assert re.search(r"^mild agent 0 [\d.]+ s [GB]+ ok$", printed, re.MULTILINE), printed
     (line,) = json.loads((out / "table.json").read_text())["rows"]
     assert line["succeeded"] == [1, 1] and line["failed"] == {} and 0.2 < line["wilson"][0] < 0.21
     (out / "run.json").write_text('{"checkpoint": "that of another run"}')
     with pytest.raises(AssertionError, match="layouts of another run"):
-        run("transfer.py", trained, *given, "--no-films", "--out", out)
+        run("evidence/transfer.py", trained, *given, "--no-films", "--out", out)
 
 
 def test_a_robot_beside_its_simulation_does_the_same(trained: Path) -> None:
     given = ["--layouts", 1, "--behaviors", 1]
-    lines = run("robot_beside_simulation.py", trained, *given).splitlines()
+    lines = run("evidence/robot_beside_simulation.py", trained, *given).splitlines()
     assert len(lines) == 4
     for line in lines[:3]:
         same = re.search(r"simulated ([GB]+), robot \1, at most 0 steps apart", line)

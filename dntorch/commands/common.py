@@ -1,20 +1,10 @@
 """What several commands do."""
 
 import os
-import signal
 from collections.abc import Iterable
 from pathlib import Path
 
 import click
-
-
-def end_when_asked() -> None:
-    """Let Ctrl-C, and a polite request to end (kill, a job scheduler), end a run as Ctrl-C does.
-
-    A run in the background begins with Ctrl-C ignored.
-    """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
 
 
 def refuse_options(context: click.Context, kept: Iterable[str], why: str) -> None:

@@ -9,12 +9,12 @@ import click
 from tqdm import tqdm
 
 from dntorch.colors import PAPER
-from dntorch.commands.common import end_when_asked
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
+from dntorch.process import end_when_asked
 
 if TYPE_CHECKING:
-    from dntorch.robot.emulator import Emulator
-    from dntorch.robot.servers import Server
+    from dntorch.robot.emulated.emulator import Emulator
+    from dntorch.robot.emulated.servers import Server
 
 
 @click.command()
@@ -57,7 +57,7 @@ def _watch(emulator: "Emulator") -> None:
 
 
 def _server(host: str, port: int, pty: bool) -> "Server":
-    from dntorch.robot.servers import PtyServer, TcpServer
+    from dntorch.robot.emulated.servers import PtyServer, TcpServer
 
     if pty:
         return PtyServer()

@@ -33,7 +33,7 @@ def export(run: Path, folder: Path, also: tuple[str, ...], calibration: Path | N
 
     options = {}
     if calibration:
-        from dntorch.experiments.robot import fit
+        from dntorch.drive.fit import fit
         from dntorch.robot.calibration import Calibration
 
         options = {"prepare": partial(fit, calibration=Calibration.load(calibration))}

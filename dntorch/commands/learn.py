@@ -5,11 +5,12 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from dntorch.commands.common import OF_A_RUN, RUNS, end_when_asked, new_folder, refuse_options
-from dntorch.experiments import learn as learning
-from dntorch.experiments.config import WORLDS, Config, build_agent
-from dntorch.experiments.logs import LOGGERS, open_log
-from dntorch.experiments.trial import Trial
+from dntorch.commands.common import OF_A_RUN, RUNS, new_folder, refuse_options
+from dntorch.process import end_when_asked
+from dntorch.runs import train as learning
+from dntorch.runs.config import WORLDS, Config, build_agent
+from dntorch.runs.logs import LOGGERS, open_log
+from dntorch.runs.trial import Trial
 
 #: A seed with which the default run finds the sequence while it explores.
 DEFAULT_SEED = 1
@@ -154,9 +155,9 @@ def _train(trial: Trial, folder: Path, checkpoint_every: int, video: bool, log=N
 
 
 def _report(trial: Trial, folder: Path, results: dict, video: bool) -> Path:
-    from dntorch.experiments.figures import write_figures
-    from dntorch.experiments.report import write_report
-    from dntorch.experiments.video import write_video
+    from dntorch.show.figures import write_figures
+    from dntorch.show.film import write_video
+    from dntorch.show.report import write_report
 
     click.echo("drawing figures and film ...", err=True)
     write_figures(trial.record, trial.config, folder)

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import click
 from tqdm import tqdm
 
-from dntorch.commands.common import OF_A_RUN, RUNS, end_when_asked, new_folder, refuse_options
-from dntorch.experiments import checkpoint
-from dntorch.experiments.config import WORLDS, Config
+from dntorch import files
+from dntorch.commands.common import OF_A_RUN, RUNS, new_folder, refuse_options
+from dntorch.process import end_when_asked
+from dntorch.runs.config import WORLDS, Config
 
 if TYPE_CHECKING:
-    from dntorch.studies.study import Study
+    from dntorch.paper.study import Study
 
 OPTIONS = "options.pt"
 """What a folder was begun with."""
@@ -53,7 +54,7 @@ def reproduce(context, world, runs, seed, explore, steps, processes, out, resume
     """
     if resume:
         refuse_options(context, {"resume"}, OF_A_RUN)
-        folder, saved = resume, checkpoint.load(resume / OPTIONS)
+        folder, saved = resume, files.load(resume / OPTIONS)
         runs, processes = saved.pop("runs"), saved.pop("processes")
         config = Config(**saved)
     else:
@@ -61,7 +62,7 @@ def reproduce(context, world, runs, seed, explore, steps, processes, out, resume
         folder = out or Path("runs") / f"reproduce-{world}-seed{seed}"
         new_folder(folder, RUNS, f"go on with --resume {folder} or name another")
         content = vars(config) | {"runs": runs, "processes": processes}
-        checkpoint.save(folder / OPTIONS, content)
+        files.save(folder / OPTIONS, content)
     study = _run(config, runs, folder, processes)
     options = {"world": config.world, "runs": runs, "seed": config.seed, "explore": config.explore,
                "steps": config.steps}  # fmt: skip
@@ -70,7 +71,7 @@ def reproduce(context, world, runs, seed, explore, steps, processes, out, resume
 
 
 def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
-    from dntorch.studies import reproduce as reproducing  # scipy takes its time
+    from dntorch.paper import reproduce as reproducing  # scipy takes its time
 
     end_when_asked()
     total = reproducing.steps_to_take(config, runs, processes)
@@ -86,8 +87,8 @@ def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
 
 
 def _report(study: "Study", folder: Path, command: str) -> None:
-    from dntorch.studies.claims import claims, write_page
-    from dntorch.studies.figures import draw
+    from dntorch.paper.claims import claims, write_page
+    from dntorch.paper.figures import draw
 
     click.echo("drawing figures ...", err=True)
     page = write_page(study, draw(study, folder), folder, command)

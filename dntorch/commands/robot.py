@@ -13,17 +13,18 @@ from tqdm import tqdm
 
 from dntorch.body import EPUCK, FASTEST
 from dntorch.colors import PAPER, check_colors
-from dntorch.commands.common import end_when_asked, new_folder
+from dntorch.commands.common import new_folder
 from dntorch.commands.target import Target, open_target, options_of_target
-from dntorch.experiments.checkpoint import write_atomically
-from dntorch.experiments.config import Config
-from dntorch.experiments.learn import CHECKPOINT
+from dntorch.files import write_atomically
+from dntorch.process import end_when_asked
+from dntorch.runs.config import Config
+from dntorch.runs.train import CHECKPOINT
 
 if TYPE_CHECKING:
+    from dntorch.drive.driving import Log
     from dntorch.envs.hardware import HardwareEnv
-    from dntorch.experiments.driving import Log
-    from dntorch.experiments.reel import Reel
     from dntorch.robot.calibration import Calibration
+    from dntorch.show.reel import Reel
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
@@ -81,8 +82,8 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
     is learned goes to OUT/checkpoint.pt, which is a run of its own, after each completed
     sequence and at the end. Exit code 1 when it ended before all iterations were done.
     """
-    from dntorch.experiments import driving
-    from dntorch.experiments.robot import fit, hardware, load_agent, save_learned
+    from dntorch.drive import driving
+    from dntorch.drive.fit import fit, hardware, load_agent, save_learned
     from dntorch.robot.calibration import Calibration
 
     trained, config = load_agent(run)
@@ -123,7 +124,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
 
 def _follow(bar, log: "Log", agent, reel: "Reel | None", save, step) -> None:
     """After each step: a line of progress, a look for the film, what was learned on disk."""
-    from dntorch.experiments.driving import spoken
+    from dntorch.drive.driving import spoken
 
     if reel:
         reel.take(step, log)
@@ -136,7 +137,7 @@ def _follow(bar, log: "Log", agent, reel: "Reel | None", save, step) -> None:
 
 
 def _reel(agent, config: Config, target: Target, env: "HardwareEnv") -> "Reel":
-    from dntorch.experiments.reel import Reel
+    from dntorch.show.reel import Reel
 
     if target.emulator is not None:
         world = target.emulator.world
@@ -202,7 +203,7 @@ def calibrate(context, images, to, colors, distance, **options) -> None:
     known["rotate"] = int(options.pop("rotate"))
     assumed = ""
     if images:
-        from dntorch.robot.emulator import BODIES
+        from dntorch.robot.emulated.emulator import BODIES
 
         protocol = options["protocol"]
         usual = {"fov": BODIES[protocol].fov, "fps": 7.0 if protocol == "wifi" else 2.6}
@@ -211,7 +212,7 @@ def calibrate(context, images, to, colors, distance, **options) -> None:
     else:
         config = Config(colors=colors, sequence=colors)
         with open_target(context, config, **options) as robot:
-            from dntorch.experiments.robot import hardware
+            from dntorch.drive.fit import hardware
 
             with hardware(robot.driver, robot.clock, config) as env:
                 if distance is None:
@@ -242,7 +243,7 @@ def _from_files(files: tuple[Path, ...], colors: str, known: dict[str, Any]) -> 
 
 
 def _look_around(env: "HardwareEnv", colors: str, distance=None, **known) -> "Calibration":
-    from dntorch.experiments.look_around import calibrate_from, look_around
+    from dntorch.drive.look_around import calibrate_from, look_around
 
     with tqdm(total=100, unit="%", desc="looking around") as bar:
         views = look_around(env, lambda share: bar.update(round(100 * share) - bar.n))

@@ -9,10 +9,10 @@ from typing import Any
 import click
 from tqdm import tqdm
 
-from dntorch.commands.common import end_when_asked
-from dntorch.experiments import sweep as sweeps
-from dntorch.experiments import table, workers
-from dntorch.experiments.config import WORLDS, Config
+from dntorch.process import end_when_asked
+from dntorch.runs import sweep as sweeps
+from dntorch.runs import table, workers
+from dntorch.runs.config import WORLDS, Config
 
 
 @click.command()

@@ -9,13 +9,13 @@ import click
 
 from dntorch.commands.common import refuse_options
 from dntorch.envs.task import NOTHING
-from dntorch.experiments.config import Config
+from dntorch.runs.config import Config
 
 if TYPE_CHECKING:
     from dntorch.robot.clock import Clock
     from dntorch.robot.driver import Driver
-    from dntorch.robot.emulator import Emulator
-    from dntorch.robot.servers import Server
+    from dntorch.robot.emulated.emulator import Emulator
+    from dntorch.robot.emulated.servers import Server
 
 PROTOCOL = click.option(
     "--protocol", type=click.Choice(("wifi", "sercom", "sercom2")), default="wifi",
@@ -72,12 +72,12 @@ def open_target(
     reconnect: bool = False, **emulation: Any,
 ) -> Iterator[Target]:  # fmt: skip
     """The robot that was named, or an emulator that lives as long as it is driven."""
-    from dntorch.robot.camera import CAMERAS
     from dntorch.robot.clock import RealClock, VirtualClock
     from dntorch.robot.dialects import DIALECTS
     from dntorch.robot.driver import Driver
-    from dntorch.robot.emulator import BODIES
-    from dntorch.robot.servers import MemoryServer, TcpServer
+    from dntorch.robot.emulated.camera import CAMERAS
+    from dntorch.robot.emulated.emulator import BODIES
+    from dntorch.robot.emulated.servers import MemoryServer, TcpServer
     from dntorch.robot.transports import transport_for
 
     clock, fov = VirtualClock() if virtual else RealClock(), BODIES[protocol].fov
@@ -127,8 +127,8 @@ def build_emulator(
         ValueError: a fault that there is not, a pacing that the protocol does not have.
     """
     from dntorch.envs.emulated import emulate  # PyBullet is an extra
-    from dntorch.robot.camera import CAMERAS
-    from dntorch.robot.faults import Faults
+    from dntorch.robot.emulated.camera import CAMERAS
+    from dntorch.robot.emulated.faults import Faults
 
     return emulate(
         server, clock, protocol=protocol, pacing=pacing, layout=seed, world=world,
@@ -138,7 +138,7 @@ def build_emulator(
 
 
 def _chance(text: str) -> tuple[str, float]:
-    from dntorch.robot.faults import Faults
+    from dntorch.robot.emulated.faults import Faults
 
     name, _, chance = text.partition("=")
     try:

@@ -4,9 +4,9 @@ from typing import Any
 
 from dntorch.envs.epuck import EPuckEnv
 from dntorch.robot.clock import Clock
-from dntorch.robot.emulator import BODIES, SERIAL, Emulator
-from dntorch.robot.firmware import build_firmware
-from dntorch.robot.servers import Server
+from dntorch.robot.emulated.emulator import BODIES, SERIAL, Emulator
+from dntorch.robot.emulated.firmware import build_firmware
+from dntorch.robot.emulated.servers import Server
 
 
 def emulate(

@@ -11,15 +11,15 @@ from torch import Tensor
 
 from dntorch.colors import HUES, NAMES
 from dntorch.envs.task import NOTHING
-from dntorch.experiments.config import Config, build_exploration
-from dntorch.experiments.learn import CHECKPOINT
-from dntorch.experiments.results import commit
-from dntorch.experiments.trial import load_trained
-from dntorch.experiments.worlds import World, build_world
 from dntorch.export.artefacts import DEFAULT, checksum, write
 from dntorch.export.boundary import Boundary
 from dntorch.export.golden import Golden, Outcome, record
 from dntorch.modules.sarsa import DNSarsa
+from dntorch.process import commit
+from dntorch.runs.config import Config, build_exploration
+from dntorch.runs.train import CHECKPOINT
+from dntorch.runs.trial import load_trained
+from dntorch.runs.worlds import World, build_world
 
 SECONDS = 28.2
 """Length of the golden record; at 32 control steps per second 902."""

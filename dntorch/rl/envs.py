@@ -12,9 +12,9 @@ from torchrl.envs import EnvBase, GymWrapper, InitTracker, TransformedEnv
 from torchrl.envs.gym_like import default_info_dict_reader
 
 from dntorch.envs.nodes import NodesWorld
-from dntorch.experiments.config import Config, build_agent
-from dntorch.experiments.worlds import build_epuck, build_task
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
+from dntorch.runs.config import Config, build_agent
+from dntorch.runs.worlds import build_epuck, build_task
 
 
 class NodesEnv(EnvBase):

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from dntorch.experiments import checkpoint
+from dntorch import files
 from dntorch.modules.sarsa import AgentState, DNSarsa
 
 
@@ -49,7 +49,7 @@ def pack(content: dict[str, Any]) -> dict[str, Tensor]:
     """A checkpoint as bytes: collectors send nothing between processes but dicts of tensors."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "state.pt")
-        checkpoint.save(path, content)
+        files.save(path, content)
         return {"bytes": torch.frombuffer(bytearray(path.read_bytes()), dtype=torch.uint8)}
 
 
@@ -58,4 +58,4 @@ def unpack(packed: dict[str, Tensor]) -> dict[str, Any]:
     with TemporaryDirectory() as folder:
         path = Path(folder, "state.pt")
         path.write_bytes(packed["bytes"].numpy().tobytes())
-        return checkpoint.load(path)
+        return files.load(path)

@@ -17,7 +17,7 @@ class Calibration:
     """What to correct; the default corrects nothing.
 
     `correct` applies the first three to every image, and ``HardwareEnv`` shows it as large as
-    ``fov`` says. The rest is for the agent: `dntorch.experiments.robot.fit`.
+    ``fov`` says. The rest is for the agent: `dntorch.drive.fit.fit`.
 
     Raises:
         ValueError: a value that corrects nothing sensible, at once or from a file.

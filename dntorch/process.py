@@ -1,0 +1,75 @@
+"""Settings of a process, requests to end it, and what it was built from."""
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import torch
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def settle(threads: int = 1) -> None:
+    """Settings that every process of a run has, whoever starts it.
+
+    Silent cells must not decay into slow denormal numbers, and operations on a few nodes are
+    fastest, and always the same, on one thread.
+    """
+    torch.set_flush_denormal(True)
+    torch.set_num_threads(threads)
+
+
+def end_when_asked() -> None:
+    """Let Ctrl-C, and a polite request to end (kill, a job scheduler), end a run as Ctrl-C does.
+
+    A run in the background begins with Ctrl-C ignored.
+    """
+    for number in SIGNALS:
+        signal.signal(number, signal.default_int_handler)
+
+
+@contextlib.contextmanager
+def postponed() -> Iterator[Callable[[], bool]]:
+    """Inside the block neither Ctrl-C nor SIGTERM interrupts; the function tells if one came.
+
+    An exception in the middle of a control step would leave the world a step ahead of the
+    agent. Outside the main thread, where no signal arrives, it is always false.
+
+    Raises:
+        KeyboardInterrupt: at the end, if one came.
+    """
+    came: list[int] = []
+    former = {}
+    if threading.current_thread() is threading.main_thread():
+        former = {n: signal.signal(n, lambda number, _: came.append(number)) for n in SIGNALS}
+    try:
+        yield lambda: bool(came)
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
+    if came:
+        raise KeyboardInterrupt
+
+
+def can_compile() -> bool:
+    """Whether torch.compile finds a C++ compiler."""
+    return any(shutil.which(name) for name in (os.environ.get("CXX", ""), "g++", "clang++") if name)
+
+
+def commit() -> str | None:
+    """The commit of the source tree, with a mark if files differ from it; None if installed."""
+    here = Path(__file__)
+    git = ["git", "-C", str(here.parent)]
+    options: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 20, "check": True}
+    try:
+        subprocess.run([*git, "ls-files", "--error-unmatch", here.name], **options)
+        describe = [*git, "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+        return subprocess.run(describe, **options).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None
