@@ -17,7 +17,7 @@ from torchrl.collectors import Collector
 from dntorch.process import settle
 from dntorch.rl import AgentPolicy, epuck, nodes
 from dntorch.runs.config import Config, build_agent, build_exploration
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 
 def collector(config: Config, frames: int, carried: bool = False, **options):

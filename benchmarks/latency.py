@@ -25,7 +25,7 @@ from dntorch import DNSarsa, FindColor
 from dntorch.export import RUNTIMES, export_run, replay
 from dntorch.process import settle
 from dntorch.runs.config import Config
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 ROUNDS, STEPS, WARM = 40, 50, 100
 

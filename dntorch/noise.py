@@ -144,7 +144,17 @@ class Exploration:
             agents = self.agents.to(decisions.device)
             draws = keyed_uniform(self.seed, agents, decisions, self.n * self.n, self.STREAM)
             self._drawn = decisions.clone(), draws
-        draws, amplitude = self._drawn[1], self.amplitude
+        return self._sized(self._drawn[1], dtype)
+
+    def ahead(self, decisions: Tensor, rows: int, dtype: torch.dtype = torch.float32) -> Tensor:
+        """Noise of the next ``rows`` decisions of each agent, ``(*batch, rows, n, n)``."""
+        agents = self.agents.to(decisions.device)
+        later = torch.arange(rows, device=decisions.device).view(-1, *[1] * decisions.dim())
+        draws = keyed_uniform(self.seed, agents, decisions + later, self.n**2, self.STREAM)
+        return self._sized(draws, dtype).movedim(0, decisions.dim())
+
+    def _sized(self, draws: Tensor, dtype: torch.dtype) -> Tensor:
+        amplitude = self.amplitude
         if isinstance(amplitude, Tensor):
             amplitude = amplitude.to(draws).unsqueeze(-1)
         return (amplitude * draws).to(dtype).unflatten(-1, (self.n, self.n))

@@ -24,7 +24,7 @@ from dntorch import files
 from dntorch.process import settle
 from dntorch.rl import AgentPolicy, epuck
 from dntorch.runs.config import Config, build_agent, build_exploration
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 
 def build_policy(config: Config) -> AgentPolicy:

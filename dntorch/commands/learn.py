@@ -10,7 +10,7 @@ from dntorch.process import end_when_asked
 from dntorch.runs import train as learning
 from dntorch.runs.config import WORLDS, Config, build_agent
 from dntorch.runs.logs import LOGGERS, open_log
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 #: A seed with which the default run finds the sequence while it explores.
 DEFAULT_SEED = 1
@@ -128,18 +128,20 @@ def _train(trial: Trial, folder: Path, checkpoint_every: int, video: bool, log=N
     begun_at, config = trial.step, trial.config
     with tqdm(total=config.steps, initial=begun_at, unit="step", smoothing=0.1) as bar:
 
-        def progress(trial: Trial, steps: int) -> None:
+        def progress(trial: Trial) -> None:
             bar.set_description("explore" if trial.step <= config.explore else "exploit", False)
             bar.set_postfix(
                 behaviors=len(trial.record.behaviors), rewards=len(trial.record.rewards),
                 refresh=False,
             )  # fmt: skip
-            bar.update(steps)
+            bar.update(trial.step - bar.n)
             if log:
                 log(trial)
 
         try:
-            seconds = learning.train(trial, folder, checkpoint_every, progress)
+            seconds = learning.train(
+                trial, folder / learning.CHECKPOINT, checkpoint_every, progress
+            )
         except KeyboardInterrupt:
             bar.close()
             click.echo(f"stopped; go on with: dntorch learn --resume {folder}", err=True)

@@ -10,8 +10,8 @@ import click
 from tqdm import tqdm
 
 from dntorch.process import end_when_asked
+from dntorch.runs import pool, table
 from dntorch.runs import sweep as sweeps
-from dntorch.runs import table, workers
 from dntorch.runs.config import WORLDS, Config
 
 
@@ -77,11 +77,13 @@ def sweep(seeds, world, settings, processes, batch, ray, slurm, retries, checkpo
     if slurm and ray:
         raise ValueError("--slurm and --ray: choose one")
     if slurm:
-        running = workers.on_slurm(tasks, out)
+        running = pool.on_slurm(sweeps.run, tasks, out)
     elif ray:
-        running = workers.on_ray(tasks, None if ray == "local" else ray, retries, processes)
+        running = pool.on_ray(
+            sweeps.run, tasks, None if ray == "local" else ray, retries, processes
+        )
     else:
-        running = workers.in_processes(tasks, processes, retries, tqdm.write)
+        running = pool.in_processes(sweeps.run, tasks, processes, retries, tqdm.write)
     end_when_asked()
     rows, failed = _follow(running, len(configs))
     order = {sweeps.name_of(config): k for k, config in enumerate(configs)}
@@ -92,13 +94,13 @@ def sweep(seeds, world, settings, processes, batch, ray, slurm, retries, checkpo
         raise ValueError(f"{len(failed)} of {len(configs)} runs failed, the first: {failed[0]}")
 
 
-def _follow(running: Iterator[workers.Finished], total: int) -> tuple[sweeps.Table, list[str]]:
+def _follow(running: Iterator[pool.Finished], total: int) -> tuple[sweeps.Table, list[str]]:
     rows: sweeps.Table = []
     failed: list[str] = []
     try:
         with closing(running), tqdm(total=total, unit="run") as bar:
             for finished in running:
-                rows += finished.results
+                rows += finished.result or []
                 if finished.error:
                     names = map(sweeps.name_of, finished.task.configs)
                     failed += [f"{name}: {finished.error}" for name in names]

@@ -10,12 +10,12 @@ import torch
 
 from dntorch.cells.functions import is_on
 from dntorch.colors import NAMES
+from dntorch.envs.adaptor import tensors
 from dntorch.envs.hardware import HardwareEnv
 from dntorch.envs.task import NOTHING, SequenceTask
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.runs.config import Config
 from dntorch.runs.record import reported
-from dntorch.runs.worlds import tensors
 
 Act = Callable[[dict[str, np.ndarray], float], tuple[np.ndarray, int]]
 """From observation and reward to wheel speeds in rad/s and the colour found now, or ``NOTHING``."""

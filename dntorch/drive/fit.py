@@ -20,8 +20,8 @@ from dntorch.robot.emulated.emulator import Emulator
 from dntorch.robot.emulated.servers import MemoryServer
 from dntorch.robot.safety import Limits
 from dntorch.runs.config import Config, build_agent
+from dntorch.runs.run import load_trained
 from dntorch.runs.train import CHECKPOINT
-from dntorch.runs.trial import load_trained
 
 
 def load_agent(run: Path) -> tuple[DNSarsa, Config]:

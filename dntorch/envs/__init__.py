@@ -8,8 +8,9 @@ The task and the abstract world need PyTorch alone; the e-puck needs Gymnasium a
 from importlib import import_module
 from importlib.util import find_spec
 
-from dntorch.envs.nodes import NodesState, NodesStep, NodesWorld
+from dntorch.envs.nodes import NodesState, NodesWorld
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
+from dntorch.envs.world import Outcome, World
 
 #: What needs NumPy, Gymnasium or PyBullet is imported when it is first asked for.
 _LATER = {
@@ -18,8 +19,8 @@ _LATER = {
 }  # fmt: skip
 
 __all__ = [
-    "NOTHING", "NodesState", "NodesStep", "NodesWorld", "SequenceTask", "TaskState", "register",
-    *_LATER,
+    "NOTHING", "NodesState", "NodesWorld", "Outcome", "SequenceTask", "TaskState", "World",
+    "register", *_LATER,
 ]  # fmt: skip
 
 

@@ -11,7 +11,11 @@ from torch import Tensor
 
 from dntorch.cells.functions import is_on
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
+from dntorch.envs.world import Outcome, World, individuals
 from dntorch.noise import keyed_uniform
+
+AHEAD = 32
+"""Visits whose durations are drawn ahead."""
 
 
 class NodesState(NamedTuple):
@@ -25,21 +29,16 @@ class NodesState(NamedTuple):
     """Control steps since its intention was last on."""
     visits: Tensor
     """Number of behaviours begun."""
+    ahead: Tensor
+    """Durations of the visits from number ``first`` on, ``(*batch, AHEAD)``."""
+    first: Tensor
+    seed: Tensor
+    agent: Tensor
+    """Whose durations these are: they are drawn for (seed, agent, number of the visit)."""
     task: TaskState
 
 
-class NodesStep(NamedTuple):
-    observation: dict[str, Tensor]
-    """``match`` of each condition of satisfaction, 0 or 1, ``(*batch, n)``."""
-    reward: Tensor
-    """``(*batch,)``"""
-    found: Tensor
-    """Colour found in this step or ``NOTHING``, ``(*batch,)``, int64."""
-    completed: Tensor
-    """The sequence was completed in this step, ``(*batch,)``, bool."""
-
-
-class NodesWorld:
+class NodesWorld(World[NodesState]):
     """Behaviours that take a random time, uniform between ``shortest`` and ``longest``.
 
     While the intention of a colour is on, its object is sought; when its time has come it is
@@ -47,21 +46,29 @@ class NodesWorld:
     counts as found, once. When the intention goes off the match lingers as a percept does:
     without that overlap a condition of satisfaction may go off before it sustains itself.
 
+    Shapes: the action is the firing rates of the intentions, ``(*batch, n)``; the observation
+    ``match`` is 0 or 1 for each condition of satisfaction, ``(*batch, n)``.
+
+    A compiled `step` draws nothing: call `provide` at the latest when `due`.
+
     Args:
         task: what is rewarded.
-        seed, agents: durations are drawn for (seed, agent, number of the visit); one seed for
-            all, or a tensor ``(*batch,)``.
         shortest, longest: seconds until the object is in view.
         dwell, linger: seconds in view until found; seconds a match outlasts its intention.
+
+    >>> world = NodesWorld()
+    >>> state = world.initial(agents=torch.arange(3))  # three agents with fates of their own
+    >>> outcome, state = world.step(torch.zeros(3, 4), state)
+    >>> outcome.found.tolist()
+    [-1, -1, -1]
     """
 
     STREAM = 2
+    senses = ("match",)
 
     def __init__(
         self,
         task: SequenceTask | None = None,
-        seed: int | Tensor = 0,
-        agents: int | list[int] | Tensor = 0,
         shortest: float = 1.5,
         longest: float = 6.0,
         dwell: float = 0.6,
@@ -74,17 +81,26 @@ class NodesWorld:
                 f"shortest={shortest}, longest={longest}: give 0 < shortest <= longest"
             )
         self.task = task or SequenceTask()
-        self.n, dt = len(self.task.colors), self.task.dt
-        self.seed, self.agents = seed, torch.as_tensor(agents)
+        dt = self.task.dt
         self.shortest, self.longest = shortest / dt, longest / dt
         self.dwell, self.linger = round(dwell / dt), round(linger / dt)
 
-    def initial(self) -> NodesState:
-        none = torch.zeros_like(self.agents)
-        task = self.task.initial(tuple(self.agents.shape))
-        return NodesState(none + NOTHING, none, none, none, none, task)
+    def initial(
+        self, batch: tuple[int, ...] = (), seed: int | Tensor = 0, agents: int | Tensor = 0
+    ) -> NodesState:
+        """Nothing is sought; ``seed`` and ``agents``, one for all or ``(*batch,)``, key chance."""
+        seed, agents = individuals(batch, seed, agents)
+        none = torch.zeros_like(agents)
+        ahead = none.unsqueeze(-1).expand(*none.shape, AHEAD).clone()
+        task = self.task.initial(tuple(none.shape), none.device)
+        numbers = [none.clone() for _ in range(5)]
+        state = NodesState(none + NOTHING, *numbers[:4], ahead, numbers[4], seed, agents, task)
+        return self.provide(state)
 
-    def step(self, intention: Tensor, state: NodesState) -> tuple[NodesStep, NodesState]:
+    def observe(self, state: NodesState) -> dict[str, Tensor]:
+        return {"match": self._match(state, torch.get_default_dtype())}
+
+    def step(self, intention: Tensor, state: NodesState) -> tuple[Outcome, NodesState]:
         """One control step under the firing rates of the intentions, ``(*batch, n)``.
 
         Raises:
@@ -93,35 +109,49 @@ class NodesWorld:
         if intention.shape != (*state.target.shape, self.n):
             raise ValueError(
                 f"intention of shape {list(intention.shape)} does not fit "
-                f"{[*state.target.shape, self.n]}: number the agents of the batch and name as many "
+                f"{[*state.target.shape, self.n]}: begin with initial(batch) and name as many "
                 "colors as the agent has behaviors"
             )
+        if not torch.compiler.is_compiling() and self.due(state, 1):
+            state = self.provide(state)
         strongest, choice = intention.max(-1)
         on = is_on(strongest)
         begun = on & (choice != state.target)
         target = torch.where(begun, choice, state.target)
         visits = state.visits + begun
-        duration = self.renew(begun, visits, state.duration)
+        row = (visits - state.first).clamp(0, AHEAD - 1).unsqueeze(-1)
+        duration = torch.where(begun, state.ahead.gather(-1, row).squeeze(-1), state.duration)
         on = on & (choice == target)
         absent = torch.where(on, 0, state.absent + 1)
         sought = torch.where(begun, 0, state.sought) + (absent <= self.linger)
-        in_view = (sought > duration) & (absent <= self.linger) & (target != NOTHING)
-        found = torch.where(in_view & (sought == duration + self.dwell), target, NOTHING)
-        colors = torch.arange(self.n, device=target.device)
-        match = in_view.unsqueeze(-1) & (target.unsqueeze(-1) == colors)
-        reward, completed, task = self.task.step(found, state.task)
-        return (
-            NodesStep({"match": match.to(intention.dtype)}, reward, found, completed),
-            NodesState(target, duration, sought, absent, visits, task),
+        state = state._replace(
+            target=target, duration=duration, sought=sought, absent=absent, visits=visits
         )
+        counts = self._in_view(state) & (sought == duration + self.dwell)
+        found = torch.where(counts, target, NOTHING)
+        reward, completed, task = self.task.step(found, state.task)
+        observation = {"match": self._match(state, intention.dtype)}
+        return Outcome(observation, reward, found, completed), state._replace(task=task)
 
-    def renew(self, begun: Tensor, visits: Tensor, duration: Tensor) -> Tensor:
-        """Durations, drawn anew where a visit has begun."""
-        if not begun.any():
-            return duration
-        return torch.where(begun, self.draw(visits), duration)
+    def due(self, state: NodesState, steps: int = AHEAD // 2) -> bool:
+        return bool((state.visits + steps - state.first >= AHEAD).any())
 
-    def draw(self, visits: Tensor) -> Tensor:
-        """Steps until the object of a visit is in view."""
-        share = keyed_uniform(self.seed, self.agents, visits, 1, self.STREAM)[..., 0]
-        return (self.shortest + share * (self.longest - self.shortest)).round().to(torch.int64)
+    def _in_view(self, state: NodesState) -> Tensor:
+        near = (state.sought > state.duration) & (state.absent <= self.linger)
+        return near & (state.target != NOTHING)
+
+    def _match(self, state: NodesState, dtype: torch.dtype) -> Tensor:
+        colors = torch.arange(self.n, device=state.target.device)
+        seen = self._in_view(state).unsqueeze(-1) & (state.target.unsqueeze(-1) == colors)
+        return seen.to(dtype)
+
+    def provide(self, state: NodesState) -> NodesState:
+        """The same state with the durations of the next `AHEAD` visits drawn."""
+        who = [number.unsqueeze(-1) for number in (state.seed, state.agent)]
+        visits = state.visits.unsqueeze(-1) + torch.arange(AHEAD, device=state.visits.device)
+        share = keyed_uniform(*who, visits, 1, self.STREAM)[..., 0]
+        steps = self.shortest + share * (self.longest - self.shortest)
+        return state._replace(ahead=steps.round().to(torch.int64), first=state.visits.clone())
+
+    def snapshot(self, state: NodesState) -> list[Tensor]:
+        return super().snapshot(self.provide(state))  # whenever chance was drawn last

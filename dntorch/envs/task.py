@@ -75,10 +75,12 @@ class SequenceTask:
         shifts = range(1, length)
         return next((k for k in shifts if self.sequence[k:] == self.sequence[:-k]), length)
 
-    def initial(self, batch: tuple[int, ...] = ()) -> TaskState:
+    def initial(
+        self, batch: tuple[int, ...] = (), device: torch.device | str | None = None
+    ) -> TaskState:
         return TaskState(
-            torch.full((*batch, len(self.sequence)), NOTHING),
-            torch.zeros(batch, dtype=torch.int64),
+            torch.full((*batch, len(self.sequence)), NOTHING, device=device),
+            torch.zeros(batch, dtype=torch.int64, device=device),
         )
 
     def step(self, found: Tensor, state: TaskState) -> tuple[Tensor, Tensor, TaskState]:
@@ -94,7 +96,7 @@ class SequenceTask:
         found = found.unsqueeze(-1)
         shifted = torch.cat((state.recent[..., 1:], found), dim=-1)
         recent = torch.where(found == NOTHING, state.recent, shifted)
-        matched = (recent.unsqueeze(-2) == self.targets).all(-1).any(-1)
+        matched = (recent.unsqueeze(-2) == self.targets.to(recent.device)).all(-1).any(-1)
         completed = (found[..., 0] != NOTHING) & matched
         remaining = torch.where(completed, self.steps, state.remaining)
         reward = self.reward * (remaining > 0).to(torch.get_default_dtype())

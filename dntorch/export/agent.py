@@ -17,8 +17,8 @@ from dntorch.export.golden import Golden, Outcome, record
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.process import commit
 from dntorch.runs.config import Config, build_exploration
+from dntorch.runs.run import load_trained
 from dntorch.runs.train import CHECKPOINT
-from dntorch.runs.trial import load_trained
 from dntorch.runs.worlds import World, build_world
 
 SECONDS = 28.2

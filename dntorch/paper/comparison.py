@@ -16,7 +16,7 @@ from dntorch.paper.runs import Runs
 from dntorch.paper.theory import Theory, theory
 from dntorch.runs.config import Config, build_agent
 from dntorch.runs.record import LOOK_BACK
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 
 def theory_of(config: Config) -> Theory:

@@ -8,12 +8,13 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dntorch.paper.camera import checkpoint_of
 from dntorch.paper.law import transitions
 from dntorch.paper.study import BINS, Study
 from dntorch.runs.config import Config
+from dntorch.runs.group import Group
 from dntorch.runs.record import Record
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Run
+from dntorch.runs.worlds import WORLDS
 from dntorch.show.figures import FAINT, INK, PAINT, SHADE, dynamics
 
 BLUE, GREEN, RED = PAINT["B"], PAINT["G"], PAINT["R"]
@@ -142,21 +143,20 @@ def _example(ax: Axes, study: Study) -> None:
 def example(study: Study, run: int, folder: Path, steps: int = 1500) -> tuple[Record, Config]:
     """What the nodes of one run did while it explored, and with what it had learned in the end.
 
-    Batches keep no activations: an agent of the abstract world lives again for ``steps``.
+    Batches keep no activations: an agent of the same fate lives again for ``steps``.
     """
-    if study.config.world == "epuck":
-        trial = Trial.load(checkpoint_of(folder / "parts", study.config.seed + run))
-        trial.close()
-        return trial.record, trial.config
+    numbered = WORLDS[study.config.world].numbered
     config = replace(study.config, steps=2 * steps, explore=steps)
-    trial = Trial(config)
-    trial.exploration.agents = trial.world.world.agents = torch.tensor(run)  # type: ignore
-    trial.advance(steps)
+    if not numbered:
+        config = replace(config, seed=config.seed + run)
+    again = Run(Group(config, agents=(run,)) if numbered else config)
+    again.advance(steps)
     last = int(study.total[run]) - 1
     learned = torch.from_numpy(study.runs.weights[run, last].swapaxes(-1, -2).copy())
-    trial.agent.weights.copy_(learned)
-    trial.advance(steps)
-    return trial.record, config
+    again.agent.weights.copy_(learned)
+    again.advance(steps)
+    again.close()
+    return again.record.member(0) if numbered else again.record, config
 
 
 def learning_law(study: Study) -> Figure:

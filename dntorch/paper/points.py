@@ -7,9 +7,9 @@ import numpy as np
 from dntorch.paper.outcomes import needed_rewards, outcome
 from dntorch.paper.runs import runs_from_events
 from dntorch.paper.statistics import wilson
-from dntorch.runs.batches import Job
 from dntorch.runs.config import Config, build_agent
 from dntorch.runs.group import Group
+from dntorch.runs.jobs import Job
 
 
 class Point(NamedTuple):

@@ -2,17 +2,16 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from dntorch.files import write_json
-from dntorch.paper.camera import camera_runs, run_camera
+from dntorch.paper.populations import Population
 from dntorch.paper.runs import runs_from_events
 from dntorch.paper.study import Study, measure
-from dntorch.runs.batches import Job, run_all, run_groups, total_steps
 from dntorch.runs.config import Config
-from dntorch.runs.group import Group
+from dntorch.runs.jobs import Job, run_groups, total_steps
+from dntorch.runs.worlds import WORLDS
 
 
 def reproduce(
@@ -25,30 +24,26 @@ def reproduce(
     """All runs, and ``results.json``. What a folder holds already is not run again."""
     began = time.monotonic()
     parts = folder / "parts"
-    if config.world == "nodes":
-        events = run_groups(groups(config, runs), parts, processes, progress)
-        neural, single = (runs_from_events(events[name], runs) for name in ("neural", "single"))
-    else:
-        seeds = [replace(config, seed=config.seed + k) for k in range(runs)]
-        run_all(run_camera, seeds, parts, processes, progress)
-        neural, single = camera_runs(seeds, parts), None
-    study = measure(config, neural, single)
+    events = run_groups(groups(config, runs), parts, processes, progress)
+    tables = {name: runs_from_events(each, runs) for name, each in events.items()}
+    study = measure(config, tables["neural"], tables.get("single"))
     study.results["runs"], study.results["duration_seconds"] = runs, time.monotonic() - began
     write_json(folder / "results.json", study.results)
     return study
 
 
 def groups(config: Config, runs: int) -> list[Job]:
-    """The agents of the paper, and those with a trace of one item."""
-    agents = tuple(range(runs))
-    return [
-        Job("neural", Group(config, agents)),
-        Job("single", Group(config, agents, "single_item")),
-    ]
+    """The agents of the paper and, where many run as a batch, those with a trace of one item."""
+    row, numbers = WORLDS[config.world], tuple(range(runs))
+    who = {"agents": numbers}
+    if not row.numbered:
+        who = {"seeds": tuple(config.seed + k for k in numbers), "rows": numbers}
+    jobs = [Job("neural", Population(config, **who))]
+    if row.batched:
+        jobs.append(Job("single", Population(config, **who, variant="single_item")))
+    return jobs
 
 
 def steps_to_take(config: Config, runs: int, processes: int) -> int:
     """The sum that the progress of `reproduce` reaches."""
-    if config.world == "nodes":
-        return total_steps(groups(config, runs), processes)
-    return runs * config.steps
+    return total_steps(groups(config, runs), processes)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 LOGGERS = ("csv", "tensorboard")
 

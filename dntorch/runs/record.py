@@ -1,12 +1,17 @@
-"""What happened in a run, step by step."""
+"""What happened in a run, step by step: all of it."""
+
+from typing import NamedTuple
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from dntorch.cells.functions import came_on, is_on
+from dntorch.cells.node import NodeState
 from dntorch.envs.task import NOTHING
-from dntorch.runs.worlds import Outcome
-from dntorch.modules.learner import LearnerState
+from dntorch.envs.world import Outcome
+from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
+from dntorch.modules.sarsa import AgentState
 
 LOOK_BACK, SHARE = 40, 0.9
 """An agent is *optimal* with nine in ten of the rewards that its last 40 behaviours could
@@ -31,8 +36,21 @@ def reported(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     return np.where(new.any(-1), new.argmax(-1), NOTHING)
 
 
+class Rows(NamedTuple):
+    """A portion of steps as they are written, ``(rows, *batch, ...)``; see `Record`."""
+
+    intention: Tensor
+    satisfaction: Tensor
+    trace: Tensor
+    error: Tensor
+    weights: Tensor
+    reward: Tensor
+    found: Tensor
+    completed: Tensor
+
+
 class Record:
-    """One row a control step, for an agent of n behaviours without batch.
+    """One row a control step, for an agent of n behaviours, or a batch of them.
 
     ================  ==================  =====================================================
     array             dtype, shape        meaning, after the step
@@ -47,49 +65,111 @@ class Record:
     ``reported``      int8 (T,)           colour whose CoS node came on, or -1
     ``weights``       float32 (T/s,n,n)   values ``[action, state]`` every `SPARSE` steps
     ================  ==================  =====================================================
+
+    A batch stands behind T. As the memory of an `Engine` it is written portion by portion.
+
+    Args:
+        steps: control steps that there is room for.
+        behaviors: of the agent: they say what an activation is as a firing rate.
+        batch: of the agents.
     """
 
     SPARSE = 100
 
-    def __init__(self, steps: int, n: int) -> None:
-        self.length = 0
-        self.intention = np.zeros((steps, n), np.float32)
-        self.satisfaction = np.zeros((steps, n), np.float32)
-        self.trace = np.zeros((steps, n, n), np.float32)
-        self.error = np.zeros(steps, np.float32)
-        self.reward = np.zeros(steps, np.float32)
-        self.found = np.full(steps, NOTHING, np.int8)
-        self.completed = np.zeros(steps, np.bool_)
-        self.reported = np.full(steps, NOTHING, np.int8)
-        self.weights = np.zeros((-(-steps // self.SPARSE), n, n), np.float32)
+    def __init__(
+        self, steps: int, behaviors: ElementaryBehaviors, batch: tuple[int, ...] = ()
+    ) -> None:
+        self.length, self.behaviors_of, n = 0, behaviors, behaviors.n
+        self.intention = np.zeros((steps, *batch, n), np.float32)
+        self.satisfaction = np.zeros((steps, *batch, n), np.float32)
+        self.trace = np.zeros((steps, *batch, n, n), np.float32)
+        self.error = np.zeros((steps, *batch), np.float32)
+        self.reward = np.zeros((steps, *batch), np.float32)
+        self.found = np.full((steps, *batch), NOTHING, np.int8)
+        self.completed = np.zeros((steps, *batch), np.bool_)
+        self.reported = np.full((steps, *batch), NOTHING, np.int8)
+        self.weights = np.zeros((-(-steps // self.SPARSE), *batch, n, n), np.float32)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays, cut to the steps that were recorded."""
         cut = {k: v[: self.length] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
         return cut | {"weights": self.weights[: -(-self.length // self.SPARSE)]}
 
-    def restore(self, arrays: dict[str, np.ndarray]) -> None:
-        """Put recorded arrays back at the beginning."""
-        self.length = len(arrays["error"])
-        for name, array in arrays.items():
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """What a resume needs, after a portion was collected."""
+        return self.arrays()
+
+    def restore(self, snapshot: dict[str, np.ndarray], log: Rows | None = None) -> Rows | None:
+        """Put recorded arrays back at the beginning; the log to go on with."""
+        self.length = len(snapshot["error"])
+        for name, array in snapshot.items():
             getattr(self, name)[: len(array)] = array
+        return log
+
+    def member(self, k: int) -> "Record":
+        """The record of one agent of a batch."""
+        own = Record(len(self.error), self.behaviors_of)
+        own.restore({name: array[:, k] for name, array in self.arrays().items()})
+        return own
+
+    # ------------------------------------------------------------------ memory of an engine
+
+    def log(self, agent: AgentState, rows: int) -> Rows:
+        """Room for a portion of steps."""
+        behaviors, learner, count = agent.behaviors, agent.learner, agent.decisions
+
+        def room(like: Tensor, dtype: torch.dtype | None = None) -> Tensor:
+            return torch.zeros((rows, *like.shape), dtype=dtype or like.dtype, device=like.device)
+
+        return Rows(
+            room(behaviors.intention.u),
+            room(behaviors.satisfaction.u),
+            room(learner.trace.u),
+            room(learner.opposition.error),
+            room(learner.values.weights),
+            room(learner.opposition.error),
+            room(count),
+            room(count, torch.bool),
+        )
 
     def write(
-        self, intention: Tensor, satisfaction: Tensor, learner: LearnerState, outcome: Outcome
-    ) -> None:
-        """Append one step: firing rates, the learner's state and what the world answered."""
-        t = self.length
-        self.intention[t] = intention.numpy()
-        self.satisfaction[t] = satisfaction.numpy()
-        self.trace[t] = learner.trace.u.numpy()
-        self.error[t] = learner.opposition.error
-        self.reward[t] = outcome.reward
-        self.found[t], self.completed[t] = outcome.found, outcome.completed
-        before = self.satisfaction[t - 1] if t else np.zeros_like(self.satisfaction[t])
-        self.reported[t] = reported(before, self.satisfaction[t])
-        if t % self.SPARSE == 0:
-            self.weights[t // self.SPARSE] = learner.values.weights.numpy()
-        self.length += 1
+        self, log: Rows, row: Tensor, before: AgentState, after: AgentState, outcome: Outcome
+    ) -> Rows:
+        """One step into its row, in place: activations as they are, nothing is computed."""
+        behaviors, learner = after.behaviors, after.learner
+        for rows, value in zip(
+            log,
+            (
+                behaviors.intention.u,
+                behaviors.satisfaction.u,
+                learner.trace.u,
+                learner.opposition.error,
+                learner.values.weights,
+                outcome.reward,
+                outcome.found,
+                outcome.completed,
+            ),
+        ):
+            rows.index_copy_(0, row.view(1), value.to(rows.dtype).unsqueeze(0))
+        return log
+
+    def collect(self, log: Rows, first: int, steps: int) -> None:
+        """Take the ``steps`` rows of a portion that began with step ``first``."""
+        rates = self.behaviors_of.output(
+            BehaviorState(NodeState(log.intention), NodeState(log.satisfaction))
+        )
+        parts = log._replace(intention=rates[0], satisfaction=rates[1])._asdict()
+        here, weights = slice(first, first + steps), parts.pop("weights")[:steps]
+        for name, rows in parts.items():
+            getattr(self, name)[here] = rows[:steps].cpu().numpy()
+        sparse = -first % self.SPARSE
+        kept = weights[sparse :: self.SPARSE].cpu().numpy()
+        place = (first + sparse) // self.SPARSE
+        self.weights[place : place + len(kept)] = kept
+        before = self.satisfaction[first - 1 : first] if first else 0 * self.satisfaction[:1]
+        after = self.satisfaction[here]
+        self.reported[here] = reported(np.concatenate((before, after[:-1])), after)
+        self.length = first + steps
 
     # ------------------------------------------------------------------ what it says
 

@@ -1,9 +1,9 @@
-"""Many runs: seeds and configurations, and the tasks that they are cut into.
+"""Many runs: seeds and configurations, and the batches that they are cut into.
 
-The unit is `run`: a picklable function of configurations that writes each run's folder and
-returns its results. A run that has its ``results.json`` is finished and is never run again; one
-that was killed goes on from its checkpoint. So a sweep may itself be killed and called again.
-Who does the tasks: `dntorch.runs.workers`.
+The unit is `run`: a picklable function of a batch that writes each run's folder and returns
+its results. A run that has its ``results.json`` is finished and is never run again; one that
+was killed goes on from its checkpoint. So a sweep may itself be killed and called again.
+Who does the work: `dntorch.runs.pool`.
 """
 
 import itertools
@@ -13,15 +13,18 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dntorch.runs import train as learn
+from dntorch.runs import train as training
 from dntorch.runs.config import Config
-from dntorch.runs.together import INDIVIDUAL, Together
-from dntorch.runs.trial import Trial
+from dntorch.runs.group import INDIVIDUAL, Group
+from dntorch.runs.pool import Report
+from dntorch.runs.run import Run, Trial
+from dntorch.runs.worlds import WORLDS
+
 
 Table = list[dict[str, Any]]
 
 
-class Task(NamedTuple):
+class Batch(NamedTuple):
     """What one worker is asked for: runs that are computed as one batch."""
 
     configs: tuple[Config, ...]
@@ -43,7 +46,7 @@ def grid(base: Config, seeds: list[int], settings: dict[str, list[Any]]) -> list
     return [replace(base, **values, seed=seed) for values in chosen for seed in seeds]
 
 
-def plan(configs: list[Config], root: Path, batch: int = 1, save_every: int = 5_000) -> list[Task]:
+def plan(configs: list[Config], root: Path, batch: int = 1, save_every: int = 5_000) -> list[Batch]:
     """Tasks of up to ``batch`` runs each, which have the same world, task and length.
 
     Raises:
@@ -52,14 +55,15 @@ def plan(configs: list[Config], root: Path, batch: int = 1, save_every: int = 5_
     twice = [name for name, n in Counter(name_of(c) for c in configs).items() if n > 1]
     if twice:
         raise ValueError(f"{twice[0]} would run twice: name each seed and value once")
-    if batch > 1 and any(config.world != "nodes" for config in configs):
-        raise ValueError(f"batch={batch}: only the world 'nodes' runs as a batch; leave it out")
+    alone = [c.world for c in configs if not WORLDS[c.world].batched]
+    if batch > 1 and alone:
+        raise ValueError(f"batch={batch}: world={alone[0]!r} does not run as a batch; leave it out")
     groups: dict[Config, list[Config]] = {}
     for config in configs:
         alike = replace(Config(), **{n: getattr(config, n) for n in shared(config)})
         groups.setdefault(alike, []).append(config)
     parts = [g[k : k + batch] for g in groups.values() for k in range(0, len(g), batch)]
-    return [Task(tuple(part), root, save_every) for part in parts]
+    return [Batch(tuple(part), root, save_every) for part in parts]
 
 
 def shared(config: Config) -> list[str]:
@@ -76,41 +80,40 @@ def name_of(config: Config) -> str:
 # ------------------------------------------------------------------ the unit
 
 
-def run(task: Task) -> Table:
-    """Do the runs of a task that are not finished; the results of all, in order.
+def run(batch: Batch, report: Report = lambda steps: True) -> Table:
+    """Do the runs of a batch that are not finished; the results of all, in order.
 
     Raises:
         ValueError: a folder holds a run with another configuration.
     """
-    folders = [task.root / name_of(config) for config in task.configs]
+    folders = [batch.root / name_of(config) for config in batch.configs]
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
-    if len(folders) == 1:
-        return [run_seed(task.configs[0], folders[0], task.save_every)]
-    if not all((folder / learn.RESULTS).exists() for folder in folders):
-        begun = folders[0] / "batch.pt"
-        trials, seconds = Together(task.configs).train(begun, task.save_every)
-        for trial, folder in zip(trials, folders):
-            trial.save(folder / learn.CHECKPOINT)
-            learn.write_results(trial, folder, learn.results(trial, trial.step, seconds))
-        begun.unlink()
-    return [_finished(config, folder) for config, folder in zip(task.configs, folders)]
+    if not all((folder / training.RESULTS).exists() for folder in folders):
+        _run(batch, folders, report)
+    return [_finished(config, folder) for config, folder in zip(batch.configs, folders)]
 
 
-def run_seed(config: Config, folder: Path, save_every: int = 5_000) -> dict[str, Any]:
-    """One run, from its start or from where an earlier call was killed, to its end."""
-    if not (folder / learn.RESULTS).exists():
-        begun = folder / learn.CHECKPOINT
-        trial = Trial.load(begun) if begun.exists() else Trial(config)
-        before = trial.step
-        seconds = learn.train(trial, folder, save_every)
-        trial.close()
-        learn.write_results(trial, folder, learn.results(trial, trial.step - before, seconds))
-    return _finished(config, folder)
+def _run(batch: Batch, folders: list[Path], report: Report) -> None:
+    together = len(folders) > 1
+    work = Run(Group.of(batch.configs)) if together else Trial(batch.configs[0])
+    path = folders[0] / ("batch.pt" if together else training.CHECKPOINT)
+    if path.exists():
+        work.restore(path)
+    before = work.step
+    seconds = training.train(work, path, batch.save_every, lambda work: report(work.step))
+    for k, folder in enumerate(folders):
+        trial = work.member(k) if together else work
+        if together:
+            trial.save(folder / training.CHECKPOINT)
+        training.write_results(trial, folder, training.results(trial, trial.step - before, seconds))
+    work.close()
+    if together:
+        path.unlink()
 
 
 def _finished(config: Config, folder: Path) -> dict[str, Any]:
-    results = json.loads((folder / learn.RESULTS).read_text())
+    results = json.loads((folder / training.RESULTS).read_text())
     if results["config"] != asdict(config):
         raise ValueError(f"{folder} holds a run with other options: name another folder")
     return results

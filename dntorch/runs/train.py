@@ -1,4 +1,4 @@
-"""The learning command: train one agent, keep checkpoints, write down what happened."""
+"""A run to its end: checkpoints on the way, stoppable, resumable; and what it came to."""
 
 import time
 from collections.abc import Callable
@@ -10,43 +10,43 @@ import numpy as np
 
 import dntorch
 from dntorch.envs.task import SequenceTask
-from dntorch.files import write_atomically
-from dntorch.files import write_json
+from dntorch.files import write_atomically, write_json
 from dntorch.process import postponed
-from dntorch.runs.trial import Trial
+from dntorch.runs.pool import Stopped
+from dntorch.runs.run import Run, Trial
 
 CHECKPOINT, RESULTS, RECORD = "checkpoint.pt", "results.json", "record.npz"
-PORTION = 100
-"""Control steps between two looks at the progress bar."""
 
 
 def train(
-    trial: Trial,
-    folder: Path,
+    run: Run,
+    path: Path,
     save_every: int = 5_000,
-    progress: Callable[[Trial, int], Any] | None = None,
+    progress: Callable[[Run], Any] = lambda run: None,
     until: int | None = None,
 ) -> float:
-    """Run a trial to its end, or ``until`` a step, with a checkpoint every ``save_every`` steps.
+    """Take a run to its end, or ``until`` a step, with a checkpoint every ``save_every`` steps.
 
     Returns the seconds it took.
 
     A run that is killed loses what came after its last checkpoint, and finds the same again
-    when it is resumed. One that is asked to end saves first.
+    when it is resumed. One that is asked to end, by a signal or by a ``progress`` that returns
+    False, saves first.
 
     Raises:
         KeyboardInterrupt: Ctrl-C or SIGTERM came, and the run is saved where it stands.
+        Stopped: the same after ``progress`` returned False.
     """
-    began, end = time.monotonic(), min(until or trial.config.steps, trial.config.steps)
+    began, end = time.monotonic(), min(until or run.config.steps, run.config.steps)
     with postponed() as asked:
-        while trial.step < end and not asked():
-            before = trial.step
-            until_save = save_every - before % save_every
-            trial.advance(min(PORTION, until_save, end - before))
-            if progress:
-                progress(trial, trial.step - before)
-            if trial.step % save_every == 0 or trial.step == end or asked():
-                trial.save(folder / CHECKPOINT)
+        while run.step < end and not asked():
+            until_save = save_every - run.step % save_every
+            run.advance(min(run.engine.portion, until_save, end - run.step))
+            stop = progress(run) is False
+            if run.step % save_every == 0 or run.step == end or stop or asked():
+                run.save(path)
+            if stop and run.step < end:
+                raise Stopped
     return time.monotonic() - began
 
 

@@ -10,10 +10,11 @@ from pathlib import Path
 import cv2
 import torch
 
+from dntorch.envs.adaptor import GymWorld
 from dntorch.envs.task import NOTHING
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.runs.config import Config
-from dntorch.runs.worlds import EPuck
+from dntorch.runs.worlds import WORLDS
 from dntorch.show.panels import SIZE, Moment, draw
 
 STEPS_EACH = 250
@@ -90,20 +91,25 @@ def _play(
 ) -> Iterator[Moment]:
     """Let the agent act; stop and look every ``stride`` control steps."""
     actor.reset()
-    world = EPuck(config, tuple({*actor.senses, "image"}), render_mode="rgb_array")
-    observation, reward, none = world.reset(), torch.zeros(()), torch.zeros_like(actor.weights)
-    found, rewards, end, outside = 0, 0, max_steps, world.env.render()
+    env = WORLDS[config.world].env(
+        config, senses=tuple({*actor.senses, "image"}), render_mode="rgb_array"
+    )
+    world = GymWorld(env)
+    state = world.initial(seed=config.seed)
+    observation, reward, none = world.observe(state), torch.zeros(()), 0 * actor.weights
+    found, rewards, end, outside = 0, 0, max_steps, env.render()
     try:
         for step in range(max_steps):
             if step == end:
                 return
             with torch.inference_mode():
-                outcome = world.step(actor(observation, reward, none))
-            found, rewards = found + (outcome.found != NOTHING), rewards + outcome.completed
+                outcome, state = world.step(actor(observation, reward, none), state)
+            found += int(outcome.found != NOTHING)
+            rewards += int(outcome.completed)
             observation, reward = outcome.observation, outcome.reward
             if step % stride == 0:
                 # The outside view takes longer than all the rest: every second frame will do.
-                outside = world.env.render() if step % (2 * stride) == 0 else outside
+                outside = env.render() if step % (2 * stride) == 0 else outside
                 image, rewarded = observation["image"].numpy(), bool(reward)
                 yield Moment(outside, image, step, found, rewards, rewarded)
             if outcome.found != NOTHING and found == behaviors:

@@ -19,12 +19,13 @@ from tqdm import tqdm
 from dntorch.files import write_json
 from dntorch.paper.outcomes import neural_outcome, proportion
 from dntorch.paper.points import Point, entry, job
+from dntorch.paper.populations import Population
 from dntorch.paper.predictions import predictions
 from dntorch.paper.runs import runs_from_events
 from dntorch.process import commit
-from dntorch.runs.batches import Job, run_groups
 from dntorch.runs.config import Config
 from dntorch.runs.group import Group
+from dntorch.runs.jobs import Job, run_groups
 
 #: Changes of numbers: all in one batch.
 NUMBERS = [
@@ -80,7 +81,10 @@ def main() -> None:
     config = Config(world="nodes", seed=a.seed, steps=a.steps, explore=a.explore)
     agents = tuple(range(a.runs))
     jobs = [job("numbers", config, NUMBERS, a.runs)]
-    jobs += [Job(name, Group(config, agents, name, keep_weights=False)) for name in STRUCTURE]
+    jobs += [
+        Job(name, Population(config, agents, variant=name, keep_weights=False))
+        for name in STRUCTURE
+    ]
     frozen = Group(config, agents, learns_in_exploitation=False)
     jobs += [Job("no_learning_in_exploitation", frozen)]
     with tqdm(total=len(jobs) * config.steps, unit="step", unit_scale=True) as bar:

@@ -21,8 +21,8 @@ from pathlib import Path
 from dntorch.files import write_atomically
 from dntorch.process import settle
 from dntorch.runs.config import Config
+from dntorch.runs.run import Trial
 from dntorch.runs.train import results, train
-from dntorch.runs.trial import Trial
 
 SHOWN = ("behaviors_in_exploration", "found_in_exploration", "optimal_at_end", "disagreements",
          "longest_intention_overlap", "longest_cos_overlap", "steps_without_state")  # fmt: skip
@@ -40,9 +40,9 @@ def run_seed(seed: int, folder: Path, options: dict) -> dict:
     if done.exists():
         return json.loads(done.read_text())
     before = trial.step
-    seconds = train(trial, folder, until=trial.config.explore)
+    seconds = train(trial, begun, until=trial.config.explore)
     if len(trial.record.rewards):
-        seconds += train(trial, folder)
+        seconds += train(trial, begun)
     content = results(trial, trial.step - before, seconds)
     write_atomically(done, lambda file: file.write(json.dumps(content).encode()))
     return content

@@ -24,12 +24,12 @@ from dntorch.files import write_json
 from dntorch.paper import discrete
 from dntorch.paper.comparison import reference, theory_of, yoked_optimal
 from dntorch.paper.outcomes import describe, needed_rewards, neural_outcome, outcome
+from dntorch.paper.populations import Population
 from dntorch.paper.runs import runs_from_events
 from dntorch.paper.statistics import wilson
 from dntorch.process import commit
-from dntorch.runs.batches import Job, run_groups
 from dntorch.runs.config import Config
-from dntorch.runs.group import Group
+from dntorch.runs.jobs import Job, run_groups
 
 #: Repertoire and rewarded sequences; the first column names the row of the figure.
 POINTS = [
@@ -97,7 +97,7 @@ def main() -> None:
     jobs = []
     for kind, colors, sequences in chosen:
         config = replace(base, colors=colors, sequence=sequences[0])
-        group = Group(config, tuple(range(a.runs)), tasks=sequences[1:], shown=2)
+        group = Population(config, tuple(range(a.runs)), tasks=sequences[1:], shown=2)
         jobs.append(Job(f"{kind}-{colors}-{'-'.join(sequences)}", group))
     with tqdm(total=len(jobs) * base.steps, unit="step", unit_scale=True) as bar:
         folder = a.out / "parts"

@@ -19,9 +19,9 @@ from tqdm import tqdm
 from dntorch.files import write_json
 from dntorch.paper.points import Point, default, entry, job
 from dntorch.process import commit
-from dntorch.runs.batches import Job, run_groups
 from dntorch.runs.config import Config
 from dntorch.runs.group import Group
+from dntorch.runs.jobs import Job, run_groups
 
 SWEEPS = {
     "learning rate (1/s)": (

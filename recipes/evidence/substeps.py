@@ -15,9 +15,9 @@ from pathlib import Path
 from tqdm import tqdm
 
 from dntorch.paper.points import entry
-from dntorch.runs.batches import Job, run_groups
 from dntorch.runs.config import Config
 from dntorch.runs.group import Group
+from dntorch.runs.jobs import Job, run_groups
 
 
 def main() -> None:

@@ -27,7 +27,7 @@ from dntorch.robot.emulated.firmware import WifiFirmware
 from dntorch.robot.emulated.servers import TcpServer
 from dntorch.robot.transports import Tcp
 from dntorch.runs.config import Config
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUNNER = EXAMPLES / "run_agent.py"

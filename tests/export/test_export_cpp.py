@@ -12,7 +12,7 @@ import torch
 
 from dntorch.export import export_run
 from dntorch.runs.config import Config
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 ROOT = Path(__file__).parents[2]
 

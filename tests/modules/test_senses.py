@@ -15,7 +15,7 @@ from dntorch.cells.working_memory import WorkingMemoryState
 from dntorch.envs import EPuckEnv, HardwareEnv, sensors
 from dntorch.rl import AgentPolicy, epuck, nodes
 from dntorch.runs.config import Config
-from dntorch.runs.trial import Trial, load_trained
+from dntorch.runs.run import Trial, load_trained
 from dntorch.runs.worlds import build_world, tensors
 
 SPEED = 0.8

@@ -19,22 +19,22 @@ from dntorch.files import plain
 from dntorch.noise import Exploration
 from dntorch.paper.claims import NO, UNTESTABLE, YES, claims, write_page
 from dntorch.paper.figures import draw
+from dntorch.paper.populations import Population
 from dntorch.paper.reproduce import reproduce
 from dntorch.paper.variants import VARIANTS
-from dntorch.runs.batches import Job, run_groups
 from dntorch.runs.config import Config, build_agent
 from dntorch.runs.group import Group
-from dntorch.runs.population import Population
-from dntorch.runs.trial import Trial
+from dntorch.runs.jobs import Job, run_groups
+from dntorch.runs.run import Run, Trial
 
 SHORT = Config(world="nodes", steps=2000, explore=1400, seed=11)
 
 
 def events(group: Group, dtype: torch.dtype = torch.float32, portions: int = 1, **options) -> dict:
-    population = Population(group, dtype, **({"compiled": False} | options))
+    run = Run(group, True, dtype, **options)
     for _ in range(portions):
-        population.advance(group.config.steps // portions)
-    return population.results()
+        run.advance(group.config.steps // portions)
+    return run.memory.joined()
 
 
 def decisions(result: dict, agent: int) -> list[list[int]]:
@@ -45,9 +45,9 @@ def decisions(result: dict, agent: int) -> list[list[int]]:
 def alone(config: Config, agent: int, dtype: torch.dtype) -> list[list[int]]:
     """The same from the library's own agent and world, without any batch."""
     actor = build_agent(config).to(dtype)
-    world = NodesWorld(SequenceTask(), config.seed, agent)
+    world = NodesWorld(SequenceTask())
     noise = Exploration(4, config.seed, agent)
-    seen, state, world_state = [], actor.state, world.initial()
+    seen, state, world_state = [], actor.state, world.initial((), config.seed, agent)
     observation = {"match": torch.zeros(4, dtype=dtype)}
     reward = torch.zeros((), dtype=dtype)
     was = torch.zeros(4, dtype=torch.bool)
@@ -110,26 +110,26 @@ def test_the_compiled_step_decides_like_the_plain_one(thousand: dict) -> None:
 
 def test_portions_and_a_resume_give_the_same_numbers(tmp_path) -> None:
     group = Group(SHORT, tuple(range(6)))
-    whole, first = events(group), Population(group, compiled=False)
+    whole, first = events(group), Run(group, True)
     first.advance(770)
     first.save(tmp_path / "p.pt")
-    second = Population(group, compiled=False).load(tmp_path / "p.pt")
+    second = Run(group, True).restore(tmp_path / "p.pt")
     second.advance(5000)
-    for name, array in second.results().items():
+    for name, array in second.memory.joined().items():
         np.testing.assert_array_equal(array, whole[name])
-    for other in (Group(SHORT, (0, 1)), Group(SHORT, group.agents, "short_trace")):
+    for other in (Group(SHORT, (0, 1)), Population(SHORT, group.agents, variant="short_trace")):
         with pytest.raises(ValueError, match="another group"):
-            Population(other, compiled=False).load(tmp_path / "p.pt")
+            Run(other, True).restore(tmp_path / "p.pt")
 
 
 def test_parameters_may_differ_between_agents() -> None:
     rates, taus = (0.03, 0.12), (1.0, 2.0)
     config = Config(world="nodes", steps=1300, explore=1300, seed=2, sequence="GB")
     many = {"learner.values.learning_rate": rates, "learner.trace.tau": taus}
-    together = events(Group(config, (0, 0), parameters=many, shown=3, rows=(0, 1)))
+    together = events(Population(config, (0, 0), parameters=many, shown=3, rows=(0, 1)))
     for k, (rate, tau) in enumerate(zip(rates, taus)):
         one = replace(config, learning_rate=rate, trace_tau=tau)
-        single = events(Group(one, (0,), shown=3))
+        single = events(Population(one, (0,), shown=3))
         assert abs(single["weights_end"]).max() > 0
         np.testing.assert_allclose(together["weights_end"][k], single["weights_end"][0], atol=1e-6)
         assert decisions(together, k) == decisions(single, 0)
@@ -137,22 +137,24 @@ def test_parameters_may_differ_between_agents() -> None:
 
 def test_exploration_can_be_led_through_the_sequence() -> None:
     config = Config(world="nodes", steps=2000, explore=2000, seed=4)
-    unled, led = (events(Group(config, tuple(range(12)), shown=k))["find"][:, 3] for k in (0, 1))
+    unled, led = (
+        events(Population(config, tuple(range(12)), shown=k))["find"][:, 3] for k in (0, 1)
+    )
     assert unled.sum() < 3 < led.sum()
 
 
 def test_several_sequences_are_rewarded() -> None:
     config = Config(world="nodes", steps=800, explore=800, seed=4, sequence="RG")
     one = events(Group(config, tuple(range(20))))["find"][:, 3].sum()
-    two = events(Group(config, tuple(range(20)), tasks=("BY", "YB")))["find"][:, 3].sum()
+    two = events(Population(config, tuple(range(20)), tasks=("BY", "YB")))["find"][:, 3].sum()
     assert two > one > 0
     with pytest.raises(ValueError, match="as long as"):
-        Population(Group(config, (0,), tasks=("RGB",)), compiled=False)
+        Run(Population(config, (0,), tasks=("RGB",)), True)
 
 
 def test_learning_can_end_with_exploration() -> None:
     config = Config(world="nodes", steps=1600, explore=1300, seed=2, sequence="GB")
-    result = events(Group(config, (0,), shown=3, learns_in_exploitation=False))
+    result = events(Population(config, (0,), shown=3, learns_in_exploitation=False))
     np.testing.assert_array_equal(result["weights_explored"], result["weights_end"])
     assert abs(result["weights_end"]).max() > 0
 
@@ -167,14 +169,14 @@ def unchanged() -> dict:
 
 @pytest.mark.parametrize("variant", sorted(set(VARIANTS) - {""}))
 def test_every_variant_runs_and_differs(variant: str, unchanged: dict) -> None:
-    changed = events(Group(BRIEF, (0, 1, 2, 3), variant))
+    changed = events(Population(BRIEF, (0, 1, 2, 3), variant=variant))
     same = {k: np.array_equal(unchanged[k], changed[k], equal_nan=True) for k in unchanged}
     assert not (same["weights_end"] and same["onset"])
 
 
 def test_unknown_variant() -> None:
     with pytest.raises(ValueError, match="variant='x' is unknown: choose from"):
-        Population(Group(SHORT, (0,), "x"), compiled=False)
+        Run(Population(SHORT, (0,), variant="x"), True)
 
 
 TINY = Config(world="nodes", steps=900, explore=600, seed=2, sequence="GB")
@@ -243,11 +245,11 @@ def test_camera_runs_are_the_trials_of_their_seeds(camera: Path) -> None:
     assert results["world"] == "epuck" and results["neural"]["found"][1] == 2
     trial = Trial(Config(world="epuck", seed=4, steps=600, explore=500))
     trial.advance(600)
-    events = np.load(camera / "parts" / "camera-4.npz")
+    events = np.load(camera / "parts" / "neural-1.npz")
     steps = np.flatnonzero(trial.record.reported >= 0)
     assert len(steps) > 2
-    np.testing.assert_array_equal(events["steps"], steps)
-    np.testing.assert_array_equal(events["weights"][-1], trial.agent.weights.t())
+    np.testing.assert_array_equal(events["onset"][:, 1], steps)
+    np.testing.assert_array_equal(events["weights_end"], trial.agent.weights)
     trial.close()
     assert (camera / "dynamics.png").exists() or results["neural"]["found"][0] == 0
 
@@ -272,7 +274,10 @@ def test_camera_runs_go_on_after_ctrl_c(camera: Path, tmp_path: Path) -> None:
 def test_runs_of_another_group_are_not_taken_for_these(no_compiler, tmp_path: Path) -> None:
     here = [Job("same", Group(TINY, (0, 1)))]
     first = run_groups(here, tmp_path, processes=1)["same"]
-    for other in (Group(TINY, (0, 1), "short_trace"), Group(replace(TINY, seed=9), (0, 1))):
+    for other in (
+        Population(TINY, (0, 1), variant="short_trace"),
+        Group(replace(TINY, seed=9), (0, 1)),
+    ):
         with pytest.raises(ValueError, match="another group of runs: name another folder"):
             run_groups([Job("same", other)], tmp_path, processes=1)
     for name, array in run_groups(here, tmp_path, processes=1)["same"].items():

@@ -15,7 +15,7 @@ from dntorch.cells.working_memory import WorkingMemoryState
 from dntorch.rl import AgentPolicy, AgentPrimer, epuck, nodes
 from dntorch.rl.envs import wrap
 from dntorch.runs.config import Config, build_agent, build_exploration
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 WORLDS = {"nodes": nodes, "epuck": epuck}
 FORMS = pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tensordict"])

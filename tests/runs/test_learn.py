@@ -16,7 +16,7 @@ import torch
 from dntorch import files
 from dntorch.cli import main
 from dntorch.runs.config import Config
-from dntorch.runs.trial import Trial
+from dntorch.runs.run import Trial
 
 WORLDS = ["nodes", "epuck"]
 
@@ -217,7 +217,7 @@ def test_a_damaged_checkpoint_is_refused(damage: str, tmp_path: Path) -> None:
 def test_a_checkpoint_of_another_architecture_is_refused(tmp_path: Path) -> None:
     trial = Trial(Config(world="nodes", colors="RGBYM"))
     content = trial.content()
-    content["config"]["colors"] = "RGBY"
+    content["agent"] = Trial(Config(world="nodes")).agent.snapshot()
     files.save(tmp_path / "c.pt", content)
     with pytest.raises(ValueError, match=r"another architecture.*build the structure"):
         Trial.load(tmp_path / "c.pt")

@@ -19,10 +19,10 @@ from click.testing import CliRunner
 
 from dntorch import files
 from dntorch.commands.sweep import sweep as command
-from dntorch.runs import sweep, table, workers
+from dntorch.runs import pool, sweep, table, train
 from dntorch.runs.config import Config
-from dntorch.runs.together import Together
-from dntorch.runs.trial import Trial
+from dntorch.runs.group import Group
+from dntorch.runs.run import Run, Trial
 
 RUNS = 20
 SHORT = Config(world="nodes", steps=300, explore=200)
@@ -118,16 +118,16 @@ def test_a_sweep_that_is_asked_to_end_keeps_its_runs(batch: int, how, tmp_path: 
         assert int(row["behaviors"]) == len(alone.record.behaviors)
 
 
-def poison(task: sweep.Task) -> sweep.Table:
+def poison(task: sweep.Batch, report) -> sweep.Table:
     if task.configs[0].seed == 1:
         os.kill(os.getpid(), signal.SIGKILL)
-    return sweep.run(task)
+    return sweep.run(task, report)
 
 
 def test_a_run_that_always_dies_is_named_and_the_others_finish(tmp_path: Path) -> None:
     configs = sweep.grid(SHORT, [0, 1, 2], {})
     tasks = sweep.plan(configs, tmp_path)
-    done = list(workers.in_processes(tasks, 1, retries=1, notice=lambda _: None, unit=poison))
+    done = list(pool.in_processes(poison, tasks, 1, retries=1, notice=lambda _: None))
     errors = {one.task.configs[0].seed: one.error for one in done}
     assert errors == {0: "", 1: "killed 2 times", 2: ""}
 
@@ -146,7 +146,7 @@ def several() -> tuple[Config, ...]:
 
 
 def test_members_of_a_batch_do_what_they_do_alone() -> None:
-    together = Together(several())
+    together = Run(Group.of(several()))
     together.advance(800)
     for k, config in enumerate(several()):
         alone, member = Trial(config), together.member(k)
@@ -155,29 +155,30 @@ def test_members_of_a_batch_do_what_they_do_alone() -> None:
         assert np.array_equal(member.record.reported, alone.record.reported)
         assert torch.allclose(member.agent.weights, alone.agent.weights, atol=1e-4)
         assert alone.agent.weights.abs().max() > 0.01
-        ours, theirs = (sweep.learn.results(trial, 800, 0.0) for trial in (member, alone))
+        ours, theirs = (train.results(trial, 800, 0.0) for trial in (member, alone))
         ours.pop("value_matrix"), theirs.pop("value_matrix")
         assert ours == theirs
 
 
 def test_a_batch_that_was_killed_goes_on_to_the_same_numbers(tmp_path: Path) -> None:
-    whole, _ = Together(several()).train(tmp_path / "whole.pt", 300)
-    begun = Together(several())
+    whole, begun = Run(Group.of(several())), Run(Group.of(several()))
+    train.train(whole, tmp_path / "whole.pt", 300)
     begun.advance(450)
-    files.save(tmp_path / "killed.pt", begun.content())
-    resumed, _ = Together(several()).train(tmp_path / "killed.pt", 300)
-    for ours, theirs in zip(resumed, whole):
+    begun.save(tmp_path / "killed.pt")
+    resumed = Run(Group.of(several())).restore(tmp_path / "killed.pt")
+    train.train(resumed, tmp_path / "killed.pt", 300)
+    for ours, theirs in ((resumed.member(k), whole.member(k)) for k in range(4)):
         assert torch.equal(ours.agent.weights, theirs.agent.weights)
         assert np.array_equal(ours.record.found, theirs.record.found)
         assert np.array_equal(ours.record.satisfaction, theirs.record.satisfaction)
 
 
 def test_a_batch_is_not_taken_for_another(tmp_path: Path) -> None:
-    begun = Together(several())
-    files.save(tmp_path / "batch.pt", begun.content())
+    begun = Run(Group.of(several()))
+    begun.save(tmp_path / "batch.pt")
     others = tuple(replace(config, seed=config.seed + 10) for config in several())
-    with pytest.raises(ValueError, match="batch of other runs: name another folder"):
-        Together(others).train(tmp_path / "batch.pt", 300)
+    with pytest.raises(ValueError, match="another group of runs: name another folder"):
+        Run(Group.of(others)).restore(tmp_path / "batch.pt")
     first, second = (sweep.grid(SHORT, seeds, {}) for seeds in ([0, 1], [0, 5]))
     for configs in (first, second):
         sweep.run(*sweep.plan(configs, tmp_path, batch=2))
@@ -188,7 +189,7 @@ def test_a_batch_is_not_taken_for_another(tmp_path: Path) -> None:
 
 
 def test_a_member_can_go_on_alone(tmp_path: Path) -> None:
-    together = Together(several())
+    together = Run(Group.of(several()))
     together.advance(300)
     alone, member = Trial(several()[1]), together.member(1)
     alone.advance(500)
@@ -203,7 +204,7 @@ def test_runs_of_different_length_are_no_batch(tmp_path: Path) -> None:
     tasks = sweep.plan(configs, tmp_path, batch=2)
     assert [len(task.configs) for task in tasks] == [2, 1, 2, 1]
     with pytest.raises(ValueError, match="make no batch"):
-        Together(tuple(configs))
+        Group.of(tuple(configs))
 
 
 # ------------------------------------------------------------------ tables and commands
@@ -229,9 +230,9 @@ def test_one_table_in_three_formats(tmp_path: Path) -> None:
 def test_slurm_jobs_are_the_same_runs(tmp_path: Path) -> None:
     tasks = sweep.plan(sweep.grid(SHORT, [0, 1], {}), tmp_path)
     (tmp_path / "slurm").mkdir()
-    done = list(workers.on_slurm(tasks, tmp_path, cluster="debug"))
+    done = list(pool.on_slurm(sweep.run, tasks, tmp_path, cluster="debug"))
     assert [one.error for one in done] == ["", ""]
-    assert {one.results[0]["seed"] for one in done} == {0, 1}
+    assert {one.result[0]["seed"] for one in done} == {0, 1}
     gc.collect()
 
 
@@ -253,6 +254,9 @@ def test_bad_input_names_what_to_give(arguments, words, tmp_path: Path) -> None:
 
 
 def test_a_folder_of_another_run_is_not_taken_for_this_one(tmp_path: Path) -> None:
-    sweep.run_seed(SHORT, tmp_path)
+    (mine,) = sweep.plan([SHORT], tmp_path)
+    sweep.run(mine)
+    results = tmp_path / sweep.name_of(SHORT) / "results.json"
+    results.write_text(results.read_text().replace('"noise": 10.0', '"noise": 9.0'))
     with pytest.raises(ValueError, match="another folder"):
-        sweep.run_seed(Config(world="nodes"), tmp_path)
+        sweep.run(mine)

@@ -1,0 +1,88 @@
+"""A Gymnasium env of this library as a world: PyBullet, or a robot."""
+
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+import torch
+from torch import Tensor
+
+from dntorch.envs.world import Outcome, World
+
+
+class GymState(NamedTuple):
+    """Names a moment of the env, which itself holds all the rest."""
+
+    steps: int
+    """control steps since the beginning"""
+
+
+class GymWorld(World[GymState]):
+    """One env, for one agent. It cannot go back: a step asks for the state of the last one.
+
+    Args:
+        env: with ``task``, and ``found`` and ``completed`` in its info.
+        seed: of its reset, where it shall not be that of the run.
+
+    Raises:
+        ValueError: a batch.
+        RuntimeError: a step from a state that is not the last.
+    """
+
+    pure = False
+
+    def __init__(self, env: gymnasium.Env) -> None:
+        self.env, self.task = env, env.unwrapped.task
+        self.senses = tuple(env.observation_space)
+        self._steps = 0
+
+    def initial(
+        self, batch: tuple[int, ...] = (), seed: int | Tensor = 0, agents: int | Tensor = 0
+    ) -> GymState:
+        if batch or torch.as_tensor(seed).dim() or torch.as_tensor(agents).dim():
+            raise ValueError(f"batch={list(batch)}: this world holds one agent, run one by one")
+        self._seed, self._steps = int(seed), 0
+        self._seen, _ = self.env.reset(seed=self._seed)
+        return GymState(0)
+
+    def observe(self, state: GymState) -> dict[str, Tensor]:
+        self._require(state)
+        return tensors(self._seen)
+
+    def step(self, action: Tensor, state: GymState) -> tuple[Outcome, GymState]:
+        self._require(state)
+        self._seen, reward, _, _, info = self.env.step(action.numpy())
+        self._steps += 1
+        outcome = Outcome(
+            tensors(self._seen),
+            torch.tensor(reward, dtype=torch.get_default_dtype()),
+            torch.tensor(int(info["found"])),
+            torch.tensor(bool(info["completed"])),
+        )
+        return outcome, GymState(self._steps)
+
+    def snapshot(self, state: GymState) -> Any:
+        self._require(state)
+        return {"env": self.env.unwrapped.state_dict(), "steps": self._steps, "seed": self._seed}
+
+    def restore(self, snapshot: Any, state: GymState) -> GymState:
+        self._steps, self._seed = snapshot["steps"], snapshot["seed"]
+        self.env.reset(seed=self._seed)
+        self.env.unwrapped.load_state_dict(snapshot["env"])
+        self._seen = self.env.unwrapped.observe()
+        return GymState(self._steps)
+
+    def close(self) -> None:
+        self.env.close()
+
+    def _require(self, state: GymState) -> None:
+        if state.steps != self._steps:
+            raise RuntimeError(
+                f"the env is at step {self._steps} and the state at {state.steps}: an env cannot "
+                "go back, give the state of its last step or restore a snapshot"
+            )
+
+
+def tensors(observation: dict[str, np.ndarray]) -> dict[str, Tensor]:
+    """An observation of a Gymnasium env as an agent reads it."""
+    return {name: torch.from_numpy(value) for name, value in observation.items()}
