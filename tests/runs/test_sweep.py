@@ -50,7 +50,7 @@ def named(pids: list[int], name: str) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("how", "worker"), [(["--processes", "2"], "spawn_main"), (["--ray", "local"], "ray::run")]
+    ("how", "worker"), [(["--processes", "2"], "spawn_main"), (["--ray", "local"], "ray::settled")]
 )
 def test_a_killed_worker_costs_no_run(how: list[str], worker: str, tmp_path: Path) -> None:
     options = ["--world", "nodes", "--set", f"steps={SHORT.steps}", "--set", "explore=200"]
@@ -92,7 +92,7 @@ def test_a_sweep_that_is_asked_to_end_keeps_its_runs(batch: int, how, tmp_path: 
         while len(done := list(tmp_path.glob("*/results.json"))) < batch:
             assert process.poll() is None, process.stderr.read()
             time.sleep(0.02)
-        time.sleep(0.3)  # whoever finished is in the midst of the next run
+        time.sleep(1.0)  # whoever finished is in the midst of the next run
         process.send_signal(signal.SIGTERM)
         try:
             _, errors = process.communicate(timeout=60)
