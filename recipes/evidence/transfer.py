@@ -29,12 +29,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: processes side by
 from dntorch.drive.driving import Act, Log, Onset, acting, perform, why_not
 from dntorch.drive.fit import emulated, fit, load_agent
 from dntorch.drive.look_around import calibrate_from, look_around
-from dntorch.export import export_run
 from dntorch.export.artefacts import checksum
 from dntorch.files import write_json
 from dntorch.paper.statistics import wilson
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.emulated.camera import CAMERAS
+from dntorch.runs.export import export_run
 from dntorch.runs.train import CHECKPOINT
 from dntorch.show.reel import Reel
 
@@ -66,7 +66,7 @@ def artefact(folder: Path) -> Act:
     """An exported agent as something that drives."""
     agent, nodes = run_agent.load(folder, "onnx"), "behaviors.satisfaction.u"
     agent.learn(False)
-    half, report = agent.manifest["decisions"][nodes], Onset(agent.state()[nodes].size)
+    half, report = agent.manifest["thresholds"][nodes], Onset(agent.state()[nodes].size)
     return lambda seen, reward: (agent.act(seen, reward), report(agent.state()[nodes] > half))
 
 

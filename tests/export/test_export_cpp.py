@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from dntorch.export import export_run
 from dntorch.runs.config import Config
+from dntorch.runs.export import export_run
 from dntorch.runs.trial import Trial
 
 ROOT = Path(__file__).parents[2]
