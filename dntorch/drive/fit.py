@@ -19,7 +19,7 @@ from dntorch.robot.driver import Driver
 from dntorch.robot.emulated.emulator import Emulator
 from dntorch.robot.emulated.servers import MemoryServer
 from dntorch.robot.safety import Limits
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.config import Config, senses_of
 from dntorch.runs.train import CHECKPOINT
 from dntorch.runs.trial import load_trained
 
@@ -83,7 +83,7 @@ def hardware(
     return HardwareEnv(
         driver,
         clock,
-        senses=build_agent(config).senses,
+        senses=senses_of(config),
         sequence=config.sequence,
         colors=config.colors,
         reward=config.reward,
