@@ -26,7 +26,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: processes side by side
 
 
-from dntorch.drive.driving import Act, Log, Onset, acting, perform, why_not
+from dntorch.drive.driving import Act, Onset, Trip, acting, perform, why_not
 from dntorch.drive.fit import emulated, fit, load_agent
 from dntorch.drive.look_around import calibrate_from, look_around
 from dntorch.export.artefacts import checksum
@@ -84,15 +84,15 @@ def drive(run: Path, folder: Path, job: tuple[str, str, int], film: Path | None 
     agent = fit(trained, config, known)
     agent.learn(DRIVERS[driver])
     act = artefact(folder / camera) if driver == "artefact" else acting(agent)
-    log, world = Log(config, agent.sensorimotor.scan), emulator.world
+    trip, world = Trip(config, agent.sensorimotor.scan), emulator.world
     reel = Reel(agent, config, lambda: world.pose, world.view)
-    perform(env, act, log, steps=10_000, each=lambda step: film and reel.take(step, log))
+    perform(env, act, trip, steps=10_000, each=lambda step: film and reel.take(step, trip))
     if film:
         reel.write(film)
     world.close()
-    result = log.summary() | {"camera": camera, "driver": driver, "layout": layout}
+    result = trip.summary() | {"camera": camera, "driver": driver, "layout": layout}
     result["seen"] = "".join(config.colors[color] for color in seen)
-    result["why_not"] = why_not(log, result["seen"])
+    result["why_not"] = why_not(trip, result["seen"])
     write_json(done, result)
     return result
 
