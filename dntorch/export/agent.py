@@ -53,7 +53,7 @@ def export_agent(
         about: entries of the manifest besides those of any agent, such as ``source``.
 
     Raises:
-        ValueError: an unknown runtime, and as `at_rest`.
+        ValueError: an unknown runtime, and as `resting`.
         ImportError: a package for one of the formats is missing.
 
     >>> from tempfile import TemporaryDirectory
@@ -64,14 +64,14 @@ def export_agent(
     ...     sorted(path.name for path in made.iterdir())
     ['agent.ts', 'golden.npz', 'manifest.json', 'verify.py']
     """
-    boundary = at_rest(agent, respond(None)[0])
+    boundary = resting(agent, respond(None)[0])
     golden = at_work(boundary, respond, exploration, steps)
     if exploration is not None:
         about = drawn_by(exploration) | (about or {})
     return write_agent(boundary, golden, folder, runtimes, about)
 
 
-def at_rest(agent: DNSarsa, observation: dict[str, Tensor]) -> Boundary:
+def resting(agent: DNSarsa, observation: dict[str, Tensor]) -> Boundary:
     """The boundary of a copy of an agent, at rest, that learns.
 
     Raises:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dntorch.colors import HUES, NAMES
 from dntorch.envs.task import NOTHING
-from dntorch.export.agent import STEPS, at_rest, at_work, drawn_by, write_agent
+from dntorch.export.agent import STEPS, at_work, drawn_by, resting, write_agent
 from dntorch.export.artefacts import DEFAULT, checksum
 from dntorch.export.boundary import Boundary
 from dntorch.export.golden import Golden
@@ -42,7 +42,7 @@ def export_run(
     agent, config = load_trained(run / CHECKPOINT)
     agent = prepare(agent, config)
     world = Responding(config, agent.senses)
-    boundary = at_rest(agent, world(None)[0])
+    boundary = resting(agent, world(None)[0])
     world.close()
     golden = closed_loop(boundary, config)
     about = {
