@@ -38,7 +38,7 @@ from dntorch.runs.export import export_run
 from dntorch.runs.train import CHECKPOINT
 from dntorch.show.reel import Reel
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 import run_agent
 
 from dntorch.process import settle
