@@ -15,16 +15,16 @@ import time
 from torchrl.collectors import Collector
 
 from dntorch.process import settle
-from dntorch.rl import AgentPolicy, epuck, nodes
+from dntorch.rl import AgentPolicy
+from dntorch.runs.collect import collected
 from dntorch.runs.config import Config, build_agent, build_exploration
 from dntorch.runs.run import Trial
 
 
 def collector(config: Config, frames: int, carried: bool = False, **options):
-    make = epuck if config.world == "epuck" else nodes
     agent, exploration = build_agent(config), build_exploration(config)
     policy = AgentPolicy(agent, config.explore, exploration, carried)
-    env = make(config, policy.primer() if carried else None)
+    env = collected(config, policy.primer() if carried else None)
     batches = iter(Collector(env, policy, frames_per_batch=frames, total_frames=-1, **options))
     return lambda: next(batches)
 

@@ -22,10 +22,11 @@ import numpy as np
 import torch
 
 from dntorch import DNSarsa, FindColor
-from dntorch.export import RUNTIMES, export_run, replay
+from dntorch.export import RUNTIMES, replay
 from dntorch.process import settle
 from dntorch.runs.config import Config
 from dntorch.runs.run import Trial
+from dntorch.runs.export import export_run
 
 ROUNDS, STEPS, WARM = 40, 50, 100
 

@@ -8,6 +8,8 @@ count counter-clockwise.
 import math
 from dataclasses import dataclass
 
+from dntorch.quantities import check_quantities
+
 #: Motor steps in one turn of a wheel.
 STEPS_PER_TURN = 1000
 
@@ -16,13 +18,6 @@ EPUCK1_LIMIT, EPUCK2_LIMIT = 1000, 1100
 
 #: rad/s, fastest turning of a wheel: 1000 motor steps/s, rounded down.
 FASTEST = 6.28
-
-
-def check_positive(**quantities: float) -> None:
-    """Raise a ``ValueError`` that names the first quantity that is not positive and finite."""
-    for name, value in quantities.items():
-        if not (value > 0 and math.isfinite(value)):
-            raise ValueError(f"{name}={value!r} is not positive and finite: give a number above 0")
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ class Body:
     """m, nearest distance the camera sees"""
 
     def __post_init__(self) -> None:
-        check_positive(
+        check_quantities(
             wheel_radius=self.wheel_radius, axle=self.axle, radius=self.radius, mass=self.mass,
             speed_cap=self.speed_cap, near=self.near, fov=self.fov, width=self.width,
             height=self.height,

@@ -27,7 +27,7 @@ import numpy as np
 
 PATIENCE = 1.0
 """Seconds of bad observations after which to give up."""
-FORMAT = 2
+FORMAT = 3
 """Of the manifests that this program reads."""
 
 

@@ -16,7 +16,8 @@ from torchrl.collectors import Collector
 
 from dntorch import files
 from dntorch.process import settle
-from dntorch.rl import AgentPolicy, epuck
+from dntorch.rl import AgentPolicy
+from dntorch.runs.collect import collected
 from dntorch.runs.config import Config, build_agent, build_exploration
 from dntorch.runs.run import Trial
 
@@ -26,7 +27,7 @@ def build(config: Config, frames: int) -> tuple[Collector, AgentPolicy]:
     policy = AgentPolicy(build_agent(config), config.explore, build_exploration(config))
     options = {"frames_per_batch": frames, "total_frames": -1}
     options["track_traj_ids"] = False  # one, without end; a tenth of what a collector adds
-    return Collector(epuck(config), policy, **options), policy
+    return Collector(collected(config), policy, **options), policy
 
 
 def collect(collector: Collector, batches: int) -> None:

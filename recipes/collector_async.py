@@ -24,7 +24,8 @@ from torchrl.envs import EnvBase
 
 from dntorch import files
 from dntorch.process import settle
-from dntorch.rl import AgentPolicy, AgentPrimer, epuck
+from dntorch.rl import AgentPolicy, AgentPrimer
+from dntorch.runs.collect import collected
 from dntorch.runs.config import Config, build_agent, build_exploration
 from dntorch.runs.run import Trial
 
@@ -32,7 +33,7 @@ from dntorch.runs.run import Trial
 def build_env(config: Config, primer: AgentPrimer) -> EnvBase:
     """Called in the worker: process-wide settings belong here too, nothing else sets them."""
     settle()
-    return epuck(config, primer)
+    return collected(config, primer)
 
 
 def collect(policy, configs: list[Config], until: int, state=None) -> tuple[dict, TensorDict]:

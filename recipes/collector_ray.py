@@ -22,7 +22,8 @@ from torchrl.collectors.distributed import RayCollector
 
 from dntorch import files
 from dntorch.process import settle
-from dntorch.rl import AgentPolicy, epuck
+from dntorch.rl import AgentPolicy
+from dntorch.runs.collect import collected
 from dntorch.runs.config import Config, build_agent, build_exploration
 from dntorch.runs.run import Trial
 
@@ -37,7 +38,7 @@ def collect(configs: list[Config], batches: int, state: list | None = None) -> l
     """The state of new workers after some batches, from the ``state`` of others."""
     workers, frames = len(configs), configs[0].steps // 4
     collector = RayCollector(
-        [partial(epuck, config) for config in configs],
+        [partial(collected, config) for config in configs],
         policy_factory=[partial(build_policy, config) for config in configs],
         collector_kwargs=[{} for _ in configs],  # one dict for all would give all the last policy
         frames_per_batch=workers * frames,

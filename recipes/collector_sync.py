@@ -20,7 +20,8 @@ from torchrl.collectors import MultiSyncCollector
 
 from dntorch import files
 from dntorch.process import settle
-from dntorch.rl import AgentPolicy, epuck
+from dntorch.rl import AgentPolicy
+from dntorch.runs.collect import collected
 from dntorch.runs.config import Config, build_agent, build_exploration
 from dntorch.runs.run import Trial
 
@@ -35,7 +36,7 @@ def collect(configs: list[Config], batches: int, state: dict | None = None) -> d
     """The state of new workers after some batches, from the ``state`` of others."""
     workers, frames = len(configs), configs[0].steps // 4
     collector = MultiSyncCollector(
-        [partial(epuck, config) for config in configs],
+        [partial(collected, config) for config in configs],
         policy_factory=[partial(build_policy, config) for config in configs],
         frames_per_batch=workers * frames,
         cat_results=0,

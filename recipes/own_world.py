@@ -26,8 +26,7 @@ from torchrl.data import Unbounded
 from dntorch import DNF, DNSarsa, Exploration, Gauss, Global, Sensorimotor
 from dntorch.cells.field import FieldState
 from dntorch.process import settle
-from dntorch.rl import AgentPolicy
-from dntorch.rl.envs import wrap
+from dntorch.rl import AgentPolicy, wrap
 
 STATIONS = {"well": -0.75, "mill": -0.25, "oven": 0.25, "shed": 0.75}  # m, on the rail
 ORDER = ["well", "mill", "oven", "well"]

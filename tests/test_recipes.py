@@ -114,9 +114,10 @@ def test_studies_print_a_line_a_point(name: str, lines: int, options: str, tmp_p
     budget = f"--runs 2 --steps 240 --explore 200 --processes 1 {options}".split()
     printed = run(name, *budget, "--out", tmp_path, **PLAIN)
     assert len(re.findall(r"found +\d+ +optimal", printed)) == lines
-    content = json.loads((tmp_path / Path(name).name).with_suffix(".json").read_text())
+    written = tmp_path / Path(name).name
+    content = json.loads(written.with_suffix(".json").read_text())
     assert content["runs"] == 2
-    assert name == "evidence/controls.py" or (tmp_path / name).with_suffix(".png").exists()
+    assert name == "evidence/controls.py" or written.with_suffix(".png").exists()
 
 
 @pytest.fixture

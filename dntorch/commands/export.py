@@ -28,8 +28,8 @@ def export(run: Path, folder: Path, also: tuple[str, ...], calibration: Path | N
     The folder gets agent.ts, agent.pt2, agent.onnx, manifest.json, a golden record of the
     agent at work and verify.py, which compares them where there is no dntorch.
     """
-    from dntorch.export import export_run
     from dntorch.export.artefacts import DEFAULT
+    from dntorch.runs.export import export_run
 
     options = {}
     if calibration:

@@ -21,7 +21,7 @@ from dntorch.runs.config import Config
 from dntorch.runs.train import CHECKPOINT
 
 if TYPE_CHECKING:
-    from dntorch.drive.driving import Log
+    from dntorch.drive.driving import Trip
     from dntorch.envs.hardware import HardwareEnv
     from dntorch.robot.calibration import Calibration
     from dntorch.show.reel import Reel
@@ -103,36 +103,36 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
             env.calibration = known or _look_around(env, config.colors, fov=target.fov)
             agent = fit(trained, config, env.calibration)
             agent.learn(learn)
-            log = driving.Log(config, agent.sensorimotor.scan)
+            trip = driving.Trip(config, agent.sensorimotor.scan)
             reel = _reel(agent, config, target, env) if film else None
             target.seen.clear()
             act, paid = driving.acting(agent), reward == "task"
             try:
                 with tqdm(unit="step") as bar:
-                    each = partial(_follow, bar, log, agent, reel, save)
-                    driving.perform(env, act, log, steps, iterations, paid, each)
+                    each = partial(_follow, bar, trip, agent, reel, save)
+                    driving.perform(env, act, trip, steps, iterations, paid, each)
             finally:
                 env.close()  # the robot stands before anything is written
                 save()
-                _report(folder, log, env.calibration, target)
+                _report(folder, trip, env.calibration, target)
         if learn:
             click.echo(f"learned values: {folder / CHECKPOINT}, a run of its own")
         if reel:
             click.echo(f"film: {reel.write(folder / 'film.webm')}")
-    return 0 if len(log.completed) >= iterations else 1
+    return 0 if len(trip.completed) >= iterations else 1
 
 
-def _follow(bar, log: "Log", agent, reel: "Reel | None", save, step) -> None:
+def _follow(bar, trip: "Trip", agent, reel: "Reel | None", save, step) -> None:
     """After each step: a line of progress, a look for the film, what was learned on disk."""
     from dntorch.drive.driving import spoken
 
     if reel:
-        reel.take(step, log)
+        reel.take(step, trip)
     if step.info["completed"]:
         save()
-    now = step.info["stopped"] or spoken(agent, log.config)
-    late = f"late {1e3 * log.late[-1]:.1f} ms"
-    bar.set_postfix_str(f"{now}, found {log.letters[-12:]}, {late}", refresh=False)
+    now = step.info["stopped"] or spoken(agent, trip.config)
+    late = f"late {1e3 * trip.late[-1]:.1f} ms"
+    bar.set_postfix_str(f"{now}, found {trip.letters[-12:]}, {late}", refresh=False)
     bar.update()
 
 
@@ -146,16 +146,16 @@ def _reel(agent, config: Config, target: Target, env: "HardwareEnv") -> "Reel":
     return Reel(agent, config, lambda: env.frame.image, title="camera, raw")
 
 
-def _report(folder: Path, log: "Log", calibration: "Calibration", target: Target) -> None:
-    numbers = log.summary()
+def _report(folder: Path, trip: "Trip", calibration: "Calibration", target: Target) -> None:
+    numbers = trip.summary()
     if target.emulator is not None:
-        numbers["seen_by_the_world"] = "".join(log.config.colors[color] for color in target.seen)
+        numbers["seen_by_the_world"] = "".join(trip.config.colors[color] for color in target.seen)
         numbers["faults"] = dict(target.emulator.faults.counts)
     text = json.dumps(numbers, indent=1) + "\n"
     write_atomically(folder / "report.json", lambda file: file.write(text.encode()))
     calibration.save(folder / "calibration.json")
     late = numbers["late_ms"]
-    click.echo(f"ended: {log.ending}\nfound: {log.letters or 'nothing'}")
+    click.echo(f"ended: {trip.ending}\nfound: {trip.letters or 'nothing'}")
     if target.emulator is not None:
         click.echo(f"the emulator's world saw: {numbers['seen_by_the_world'] or 'nothing'}")
     click.echo(

@@ -60,8 +60,8 @@ class Onset:
         return int(reported(before, rates))
 
 
-class Log:
-    """What came of driving a robot.
+class Trip:
+    """What came of driving a robot once.
 
     Args:
         config: of the run.
@@ -147,20 +147,20 @@ class Log:
 def perform(
     env: HardwareEnv,
     act: Act,
-    log: Log,
+    trip: Trip,
     steps: int,
     iterations: int = 2,
     report: bool = True,
     each: Callable[[Step], Any] = lambda step: None,
-) -> Log:
-    """Drive a robot from a reset on until `Log.over`.
+) -> Trip:
+    """Drive a robot from a reset on until `Trip.over`.
 
     Args:
         env, act: the robot, and what drives it.
-        log: is written; also what an error left of it.
+        trip: is written; also what an error left of it.
         steps, iterations: at most so many control steps, and executions of the sequence.
         report: what is found counts for the task; otherwise a key press alone is rewarded.
-        each: called after each step, after the log.
+        each: called after each step, when ``trip`` has it.
 
     Raises:
         ConnectionError: the link is lost.
@@ -168,18 +168,18 @@ def perform(
     try:
         observation, _ = env.reset()
         reward = 0.0
-        while not log.over(steps, iterations):
+        while not trip.over(steps, iterations):
             wheels, found = act(observation, reward)
             if report and found != NOTHING:
                 env.report(found)
             observation, reward, _, _, info = env.step(wheels)
             step = Step(observation, reward, found, info)
-            log.write(step)
+            trip.write(step)
             each(step)
     except BaseException as error:
-        log.ending = f"{type(error).__name__}: {error}".rstrip(": ")
+        trip.ending = f"{type(error).__name__}: {error}".rstrip(": ")
         raise
-    return log
+    return trip
 
 
 def spoken(agent: DNSarsa, config: Config) -> str:
@@ -189,20 +189,20 @@ def spoken(agent: DNSarsa, config: Config) -> str:
     return f"find {NAMES[config.colors[wanted]]}" if is_on(rates[wanted]) else "deciding"
 
 
-def why_not(log: Log, seen: str) -> str:
+def why_not(trip: Trip, seen: str) -> str:
     """What kept a robot from executing the sequence twice in a row; "" if nothing did.
 
     Args:
-        log: of a drive that was to end after two executions.
+        trip: of a drive that was to end after two executions.
         seen: letters of what the world saw it find.
     """
-    both = min(len(seen), len(log.letters))
+    both = min(len(seen), len(trip.letters))
     # The side that notices a last one later may lack it.
-    if seen[:both] != log.letters[:both] or abs(len(seen) - len(log.letters)) > 1:
-        return f"reported {log.letters}, the world saw {seen}"
-    if len(log.completed) < 2:
-        return f"{log.ending} after {log.letters or 'no behaviour'}"
-    at = [step for step, _ in log.found]
-    between = at.index(log.completed[1]) - at.index(log.completed[0])
-    period = SequenceTask(log.config.sequence, log.config.colors).period
-    return "" if between == period else f"a detour: {log.letters}"
+    if seen[:both] != trip.letters[:both] or abs(len(seen) - len(trip.letters)) > 1:
+        return f"reported {trip.letters}, the world saw {seen}"
+    if len(trip.completed) < 2:
+        return f"{trip.ending} after {trip.letters or 'no behaviour'}"
+    at = [step for step, _ in trip.found]
+    between = at.index(trip.completed[1]) - at.index(trip.completed[0])
+    period = SequenceTask(trip.config.sequence, trip.config.colors).period
+    return "" if between == period else f"a detour: {trip.letters}"

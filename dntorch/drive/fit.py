@@ -21,6 +21,7 @@ from dntorch.robot.emulated.servers import MemoryServer
 from dntorch.robot.safety import Limits
 from dntorch.runs.config import Config, build_agent
 from dntorch.runs.run import load_trained
+from dntorch.runs.config import Config, senses_of
 from dntorch.runs.train import CHECKPOINT
 
 
@@ -83,7 +84,7 @@ def hardware(
     return HardwareEnv(
         driver,
         clock,
-        senses=build_agent(config).senses,
+        senses=senses_of(config),
         sequence=config.sequence,
         colors=config.colors,
         reward=config.reward,

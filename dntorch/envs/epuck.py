@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from gymnasium import spaces
 
-from dntorch.body import EPUCK, STEPS_PER_TURN, Body, check_positive
+from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.colors import HUES, PAPER, SEQUENCE, check_colors
 from dntorch.envs import sensors
 from dntorch.envs.drive import Free, Pin
@@ -20,6 +20,7 @@ from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
 from dntorch.envs.spectator import Spectator
 from dntorch.envs.task import REWARD, REWARD_DURATION, SequenceTask, TaskState
+from dntorch.quantities import check_quantities
 
 PIVOTS = ("free", "kinematic")
 
@@ -272,8 +273,8 @@ class EPuckEnv(gymnasium.Env):
 def _check(*, colors, dt, substeps, blocks, reward, reward_duration, tolerance, **others) -> None:
     """Raise a ``ValueError`` for the first argument that no other part would refuse."""
     seconds, seed = others["max_seconds"], others["layout_seed"]
-    check_positive(dt=dt, substeps=substeps, blocks=blocks, tolerance=tolerance)
-    check_positive(max_seconds=1.0 if seconds is None else seconds)
+    check_quantities(dt=dt, substeps=substeps, blocks=blocks, tolerance=tolerance)
+    check_quantities(max_seconds=1.0 if seconds is None else seconds)
     modes, share, half = (None, "rgb_array"), len(colors), math.pi / blocks
     for name, value, good, remedy in (
         ("substeps", substeps, substeps == int(substeps), "give a whole number"),

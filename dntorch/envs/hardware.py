@@ -9,14 +9,15 @@ import numpy as np
 import torch
 from gymnasium import spaces
 
-from dntorch.body import EPUCK, Body, check_positive
+from dntorch.body import EPUCK, Body
 from dntorch.colors import PAPER, SEQUENCE, check_colors
 from dntorch.envs.sensors import PROXIMITY_TABLE, SENSES, observation_space
 from dntorch.envs.task import NOTHING, REWARD, REWARD_DURATION, SequenceTask
+from dntorch.quantities import check_quantities
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock
+from dntorch.robot.contract import Frame, Robot
 from dntorch.robot.images import resample
-from dntorch.robot.robot import Frame, Robot
 from dntorch.robot.safety import Guard, Limits
 
 
@@ -83,7 +84,7 @@ class HardwareEnv(gymnasium.Env):
         key: Callable[[], bool] = lambda: False,
         patience: float = 10.0,
     ) -> None:
-        check_positive(dt=dt, patience=patience)
+        check_quantities(dt=dt, patience=patience)
         self.colors, self.dt, self.body, self.patience = check_colors(colors), dt, body, patience
         self.clock, self.calibration = clock or RealClock(), calibration or Calibration()
         self.guard = Guard(robot, self.clock, limits or Limits(speed=body.speed_cap))

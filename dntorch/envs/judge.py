@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dntorch.body import check_positive
 from dntorch.envs.task import NOTHING
+from dntorch.quantities import check_quantities
 
 TOLERANCE, DWELL, DWELL_RATE = math.radians(4), 0.5, 0.1
 """When a block is found, unless a world says otherwise: rad, s, rad/s; see `Judge`."""
@@ -56,7 +56,7 @@ class Judge:
         dwell_rate: float = DWELL_RATE,
         dt: float = 1 / 32,
     ) -> None:
-        check_positive(tolerance=tolerance, dwell=dwell, dwell_rate=dwell_rate, dt=dt)
+        check_quantities(tolerance=tolerance, dwell=dwell, dwell_rate=dwell_rate, dt=dt)
         self.tolerance, self.dwell_rate = tolerance, dwell_rate
         self.steps = max(1, round(dwell / dt))
 

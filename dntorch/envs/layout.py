@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dntorch.body import check_positive
+from dntorch.quantities import check_quantities
 
 SHAPES = ("box", "cylinder", "sphere")
 
@@ -59,7 +59,7 @@ class Ring:
     """``box``, ``cylinder``, ``sphere``, or ``mixed``: the three in turn"""
 
     def __post_init__(self) -> None:
-        check_positive(blocks=self.blocks, radius=self.radius, block_size=self.block_size)
+        check_quantities(blocks=self.blocks, radius=self.radius, block_size=self.block_size)
         if self.block_shape not in (*SHAPES, "mixed"):
             raise ValueError(
                 f"block_shape={self.block_shape!r} is unknown: choose from {(*SHAPES, 'mixed')}"

@@ -14,7 +14,7 @@ file                   what it is
 =====================  ===============================================================
 """
 
-from dntorch.export.agent import export_run
+from dntorch.export.agent import export_agent
 from dntorch.export.artefacts import RUNTIMES, export_structure
 from dntorch.export.boundary import Boundary
 from dntorch.export.program import Functional
@@ -25,7 +25,7 @@ __all__ = [
     "RUNTIMES",
     "Boundary",
     "Functional",
-    "export_run",
+    "export_agent",
     "export_structure",
     "script",
     "verify",

@@ -1,28 +1,21 @@
-"""From a trained agent's checkpoint to artefacts, with a record of it at work."""
+"""From an agent to artefacts, with a record of it at work in its world."""
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from dntorch.colors import HUES, NAMES
-from dntorch.envs.task import NOTHING
-from dntorch.export.artefacts import DEFAULT, checksum, write
+from dntorch.export.artefacts import DEFAULT, write
 from dntorch.export.boundary import Boundary
-from dntorch.export.golden import Golden, Outcome, record
+from dntorch.export.golden import Golden, Taken, record
 from dntorch.modules.sarsa import DNSarsa
-from dntorch.process import commit
-from dntorch.runs.config import Config, build_exploration
-from dntorch.runs.run import load_trained
-from dntorch.runs.train import CHECKPOINT
-from dntorch.runs.worlds import World, build_world
+from dntorch.noise import Exploration
 
-SECONDS = 28.2
-"""Length of the golden record; at 32 control steps per second 902."""
+STEPS = 902
+"""Length of the golden record: 28.2 s at 32 control steps per second."""
 UNITS = {
     "image": "RGB 0-255, row 0 at the top",
     "proximity": "infra-red readings ps0 to ps7, near is large",
@@ -33,115 +26,126 @@ UNITS = {
 }
 """Of inputs by name; others are empty in the manifest."""
 
+Respond = Callable[[Tensor | None], tuple[dict[str, Tensor], Tensor]]
+"""A world as a function: from an action, ``None`` at first, to observation and reward, ``()``."""
 
-def export_run(
-    run: Path,
-    folder: Path,
+
+def export_agent(
+    agent: DNSarsa,
+    respond: Respond,
+    folder: str | Path,
     runtimes: Sequence[str] = DEFAULT,
-    prepare: Callable[[DNSarsa, Config], DNSarsa] = lambda agent, config: agent,
+    *,
+    exploration: Exploration | None = None,
+    steps: int = STEPS,
+    about: dict[str, Any] | None = None,
 ) -> Path:
-    """Export the agent of a run: what it learned, at rest.
+    """Export an agent with what it learned, at rest; itself it stays as it is.
 
     Args:
-        run: a folder that ``dntorch learn`` wrote.
+        agent: without batch.
+        respond: closes the loop while the golden record is made. It should reward the agent in
+            that time, since a record without reward says nothing of learning.
         folder: where to; made if need be.
         runtimes: of `RUNTIMES`.
-        prepare: makes of the agent what is exported, such as one that fits a robot.
+        exploration: noise in a part of the record.
+        steps: length of the record, in control steps.
+        about: entries of the manifest besides those of any agent, such as ``source``.
 
     Raises:
-        ValueError: no run there; an agent that never completes two behaviours.
+        ValueError: an unknown runtime, and as `resting`.
         ImportError: a package for one of the formats is missing.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from dntorch import DNSarsa
+    >>> seen = {"match": torch.zeros(2)}, torch.tensor(1.0)
+    >>> with TemporaryDirectory() as folder:
+    ...     made = export_agent(DNSarsa(2), lambda action: seen, folder, ["torchscript"], steps=20)
+    ...     sorted(path.name for path in made.iterdir())
+    ['agent.ts', 'golden.npz', 'manifest.json', 'verify.py']
     """
-    agent, config = load_trained(run / CHECKPOINT)
-    agent = prepare(agent, config)
-    agent.reset()
-    agent.learn()
-    observation = first_observation(config, agent.senses)
+    boundary = resting(agent, respond(None)[0])
+    golden = at_work(boundary, respond, exploration, steps)
+    if exploration is not None:
+        about = drawn_by(exploration) | (about or {})
+    return write_agent(boundary, golden, folder, runtimes, about)
+
+
+def resting(agent: DNSarsa, observation: dict[str, Tensor]) -> Boundary:
+    """The boundary of a copy of an agent, at rest, that learns.
+
+    Raises:
+        ValueError: a batch of agents; an observation that lacks what the agent senses.
+    """
+    if batch := list(agent.origin.shape):
+        raise ValueError(f"agent is a batch of shape {batch}: export one, agent.select(index)")
     boundary = Boundary(agent, observation, torch.zeros(()), torch.zeros(agent.n, agent.n))
-    golden = closed_loop(boundary, config)
-    about = _about(boundary, config)
-    about["source"]["checkpoint_sha256"] = checksum(run / CHECKPOINT)
-    return write(boundary, golden, folder, runtimes, "agent", about)
+    boundary.structure.reset()
+    boundary.structure.learn()
+    return boundary
 
 
-def first_observation(config: Config, senses: tuple[str, ...]) -> dict[str, Tensor]:
-    """What a run's world shows at first."""
-    world = build_world(config, senses)
-    try:
-        return world.reset()
-    finally:
-        world.close()
+def at_work(
+    boundary: Boundary, respond: Respond, exploration: Exploration | None, steps: int
+) -> Golden:
+    """The agent of a boundary in a world, from its first moment on."""
+    loop = _Loop(boundary.structure.n, respond, exploration, steps)
+    return record(boundary, loop, steps, _notable)
 
 
-class Loop:
+def write_agent(
+    boundary: Boundary,
+    golden: Golden,
+    folder: str | Path,
+    runtimes: Sequence[str],
+    about: dict[str, Any] | None = None,
+) -> Path:
+    """Write artefacts with a manifest that says what a robot needs to know of an agent."""
+    content = _described(boundary) | (about or {})
+    return write(boundary, golden, Path(folder), runtimes, "agent", content)
+
+
+class _Loop:
     """Closes the loop for a golden record: explores for a while, at last stops learning.
 
     One reward and one number of the noise are NaN, so that the record tells what becomes of them.
     """
 
-    def __init__(self, config: Config, world: World, steps: int) -> None:
-        self.world, self.steps = world, steps
-        self.exploration = build_exploration(config)
-        self.none = torch.zeros(len(config.colors), len(config.colors))
-        self.observation, self.reward = world.reset(), torch.zeros(())
-        self.found: list[int] = []
-        self.rewards = 0
+    def __init__(
+        self, n: int, respond: Respond, exploration: Exploration | None, steps: int
+    ) -> None:
+        self.respond, self.exploration, self.steps = respond, exploration, steps
+        self.none = torch.zeros(n, n)
 
-    def __call__(self, step: int, outcome: Outcome | None):
-        noise = self.none
-        if outcome is not None:
-            answer = self.world.step(outcome.outputs[0])
-            self.observation, self.reward = answer.observation, answer.reward
-            self.found += [answer.found] if answer.found != NOTHING else []
-            self.rewards += int(answer.completed)
-            if 0.6 < step / self.steps < 0.8:
-                noise = self.exploration(outcome.after["decisions"])
-        reward = self.reward
+    def __call__(self, step: int, taken: Taken | None):
+        observation, reward = self.respond(None if taken is None else taken.outputs[0])
+        noise, exploring = self.none, 0.6 < step / self.steps < 0.8
+        if exploring and self.exploration is not None and taken is not None:
+            noise = self.exploration(taken.after["decisions"])
         if step == self.steps // 4:
             reward = torch.full_like(reward, torch.nan)
         if step == self.steps // 2:
             noise = noise.clone()
             noise[0, 1] = torch.nan
         learning = torch.tensor(float(step / self.steps < 0.9))
-        return (self.observation, reward, noise), {"learner.values.learning": learning}
+        return (observation, reward, noise), {"learner.values.learning": learning}
 
 
-def closed_loop(boundary: Boundary, config: Config) -> Golden:
-    """The agent at work in its world, with rewards.
-
-    So that a reward comes within the record whatever was learned, the rewarded sequence is
-    that of the first two behaviours that this agent completes.
-    """
-    steps = max(800, round(SECONDS / config.dt))
-    found = _run(boundary, config, steps)[1].found
-    if len(found) < 2:
-        raise ValueError(
-            f"this agent completed {len(found)} behaviours in {steps} steps, too few for a record "
-            "with a transition: train it, or another seed, first"
-        )
-    pair = "".join(config.colors[color] for color in found[:2])
-    golden, loop = _run(boundary, replace(config, sequence=pair), steps)
-    if not loop.rewards:
-        raise ValueError(f"no reward for {pair} in {steps} steps: export another seed's agent")
-    return golden
-
-
-def _run(boundary: Boundary, config: Config, steps: int) -> tuple[Golden, Loop]:
-    world = build_world(config, boundary.structure.senses)
-    try:
-        loop = Loop(config, world, steps)
-        return record(boundary, loop, steps, _notable), loop
-    finally:
-        world.close()
-
-
-def _notable(outcome: Outcome) -> bool:
+def _notable(taken: Taken) -> bool:
     """Whether a behaviour was completed, or an input ignored."""
     counts = ("decisions", "ignored")
-    return any(not torch.equal(outcome.before[name], outcome.after[name]) for name in counts)
+    return any(not torch.equal(taken.before[name], taken.after[name]) for name in counts)
 
 
-def _about(boundary: Boundary, config: Config) -> dict[str, Any]:
+def drawn_by(exploration: Exploration) -> dict[str, Any]:
+    """The entry of a manifest from which others draw the same noise."""
+    settings = {"amplitude": exploration.amplitude, "seed": exploration.seed}
+    return {
+        "exploration": {k: v.item() if isinstance(v, Tensor) else v for k, v in settings.items()}
+    }
+
+
+def _described(boundary: Boundary) -> dict[str, Any]:
     """What the manifest of an agent says besides that of a structure."""
     agent = boundary.structure
     drives = math.isfinite(agent.sensorimotor.max_speed)
@@ -151,17 +155,9 @@ def _about(boundary: Boundary, config: Config) -> dict[str, Any]:
             "action": "rad/s, left wheel first" if drives else "intentions, 0-1",
             "dt": "s",
         },
-        "colors": [
-            {"letter": letter, "name": NAMES[letter], "hue": HUES[letter]}
-            for letter in config.colors
-        ],
-        "exploration": {"amplitude": config.noise, "seed": config.seed},
-        "decisions": {
+        "thresholds": {
             "behaviors.intention.u": agent.behaviors.intention.threshold,
             "behaviors.satisfaction.u": agent.behaviors.satisfaction.threshold,
         },
-        "source": {"commit": commit(), "config": asdict(config)},
     }
-    if drives:
-        about["max_speed"] = agent.sensorimotor.max_speed
-    return about
+    return about | ({"max_speed": agent.sensorimotor.max_speed} if drives else {})

@@ -112,7 +112,7 @@ def describe(boundary: Boundary, name: str) -> dict[str, Any]:
             _port(p) | {"rest": _rest(buffers[p.name]), "lasting": p.name in lasting}
             for p in boundary.state
         ],
-        "decisions": {},
+        "thresholds": {},
         "tolerance": {"step": 1e-6, "aotinductor": 1e-5, "executorch": 1e-5, "free": 1e-4},
     }
 

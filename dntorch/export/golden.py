@@ -20,11 +20,12 @@ SMALL = 64
 """State tensors of up to so many numbers are recorded in every step."""
 
 
-class Outcome(NamedTuple):
-    """What came of a step, for who closes the loop."""
+class Taken(NamedTuple):
+    """A step that was taken, for who closes the loop."""
 
     outputs: list[Tensor]
     before: dict[str, Tensor]
+    """the state, by name"""
     after: dict[str, Tensor]
 
 
@@ -41,7 +42,7 @@ class Golden:
         return {f"{s}/{k}": np.stack(v) for s, part in sections.items() for k, v in part.items()}
 
 
-Feed = Callable[[int, Outcome | None], tuple[Sequence[Input], Mapping[str, Tensor]]]
+Feed = Callable[[int, Taken | None], tuple[Sequence[Input], Mapping[str, Tensor]]]
 
 
 @torch.inference_mode()
@@ -49,29 +50,29 @@ def record(
     boundary: Boundary,
     feed: Feed,
     steps: int,
-    notable: Callable[[Outcome], bool] = lambda outcome: False,
+    notable: Callable[[Taken], bool] = lambda taken: False,
 ) -> Golden:
     """Run the eager structure.
 
     Args:
-        feed: ``feed(step, outcome of the step before)`` gives inputs and switches.
+        feed: ``feed(step, the step taken before it)`` gives inputs and switches.
         notable: after which steps a snapshot is kept besides those every `EVERY` steps.
     """
-    golden, outcome = Golden(), None
+    golden, taken = Golden(), None
     state = boundary.structure.flat(boundary.structure.state)
     kept = _switches(boundary)
     _extend(golden.start, "", state)
     switches = dict(kept)
     for step in range(steps):
-        inputs, changed = feed(step, outcome)
+        inputs, changed = feed(step, taken)
         switches.update(changed)
-        outcome = _step(boundary, inputs, switches, state)
-        _append(golden.run, boundary, inputs, switches, outcome.outputs)
-        small = {k: v for k, v in outcome.after.items() if v.numel() <= SMALL}
+        taken = _step(boundary, inputs, switches, state)
+        _append(golden.run, boundary, inputs, switches, taken.outputs)
+        small = {k: v for k, v in taken.after.items() if v.numel() <= SMALL}
         _extend(golden.run, "next.", small)
-        if step % EVERY == 0 or notable(outcome):
-            _pair(golden, boundary, step, inputs, switches, outcome)
-        state = outcome.after
+        if step % EVERY == 0 or notable(taken):
+            _pair(golden, boundary, step, inputs, switches, taken)
+        state = taken.after
     for probe in range(PROBES):
         inputs = boundary.arguments(
             {port.name: _random(port, probe, k) for k, port in enumerate(boundary.inputs)}
@@ -80,17 +81,17 @@ def record(
             port.name: _random(port, probe, 100 + k, signed=True)
             for k, port in enumerate(boundary.state)
         }
-        outcome = _step(boundary, inputs, switches, wild)
-        _pair(golden, boundary, -1, inputs, switches, outcome)
+        taken = _step(boundary, inputs, switches, wild)
+        _pair(golden, boundary, -1, inputs, switches, taken)
     _set(boundary, kept)
     return golden
 
 
-def _step(boundary: Boundary, inputs, switches, state) -> Outcome:
+def _step(boundary: Boundary, inputs, switches, state) -> Taken:
     _set(boundary, switches)
     structure = boundary.structure
     output, ahead = structure.step(*inputs, structure.nested(state))
-    return Outcome(pytree.tree_leaves(output), state, structure.flat(ahead))
+    return Taken(pytree.tree_leaves(output), state, structure.flat(ahead))
 
 
 def _switches(boundary: Boundary) -> dict[str, Tensor]:
@@ -102,11 +103,11 @@ def _set(boundary: Boundary, switches: Mapping[str, Tensor]) -> None:
         boundary.structure.get_buffer(name).copy_(value)
 
 
-def _pair(golden: Golden, boundary: Boundary, step: int, inputs, switches, outcome) -> None:
+def _pair(golden: Golden, boundary: Boundary, step: int, inputs, switches, taken) -> None:
     golden.pairs.setdefault("step", []).append(np.array(step))
-    _append(golden.pairs, boundary, inputs, switches, outcome.outputs)
-    _extend(golden.pairs, "state.", outcome.before)
-    _extend(golden.pairs, "next.", outcome.after)
+    _append(golden.pairs, boundary, inputs, switches, taken.outputs)
+    _extend(golden.pairs, "state.", taken.before)
+    _extend(golden.pairs, "next.", taken.after)
 
 
 def _append(part: dict, boundary: Boundary, inputs, switches, outputs) -> None:

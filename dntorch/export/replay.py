@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-FORMAT = 2
+FORMAT = 3
 MANIFEST, GOLDEN = "manifest.json", "golden.npz"
-KEYS = ("name", "dt", "inputs", "switches", "outputs", "state", "files", "tolerance", "decisions")
+KEYS = ("name", "dt", "inputs", "switches", "outputs", "state", "files", "tolerance", "thresholds")
 
 
 class Unfit(Exception):
@@ -185,7 +185,7 @@ def stepwise(artefact, manifest, record):
 
 def freely(artefact, manifest, record):
     """The whole run from the artefact's own state at rest; also what it decided, and where."""
-    worst, decided = Worst(), {name: ([], []) for name in manifest["decisions"]}
+    worst, decided = Worst(), {name: ([], []) for name in manifest["thresholds"]}
     inputs = rows(record, "run", manifest["inputs"])
     switches = rows(record, "run", manifest["switches"])
     outputs = rows(record, "run", manifest["outputs"])
@@ -197,7 +197,7 @@ def freely(artefact, manifest, record):
         worst.see(actual, expected)
         for name, both in decided.items():
             for decisions, values in zip(both, (actual, expected)):
-                on = tuple(values[name] > manifest["decisions"][name])
+                on = tuple(values[name] > manifest["thresholds"][name])
                 if not decisions or decisions[-1] != on:
                     decisions.append(on)
     return worst, [name for name, (ours, theirs) in decided.items() if ours != theirs]
@@ -228,7 +228,7 @@ def check(artefact, runtime, manifest, record):
     # Transitions amplify rounding: fields may differ for some steps; what was learned and what
     # was counted may not.
     lasting = [p["name"] for p in manifest["state"] if p["lasting"]]
-    lasting = lasting if manifest["decisions"] else list(free)
+    lasting = lasting if manifest["thresholds"] else list(free)
     wrong += [
         f"{name} differs by {free[name]:.1e} running freely"
         for name in lasting

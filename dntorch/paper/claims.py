@@ -47,7 +47,7 @@ def _exploration(r: dict, p: dict, study: Study) -> list[Claim]:
     mean, sd = r["behaviors_in_exploration"]
     wanted, within = (p["behaviors_in_exploration"][k] for k in ("predicted", "within"))
     e = r["exploration"]
-    first = summary(study.outcome.first[study.outcome.found] + 1)
+    first = summary(study.success.first[study.success.found] + 1)
     return [
         Claim(
             p["behaviors_in_exploration"]["paper"],

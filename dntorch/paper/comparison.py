@@ -10,9 +10,9 @@ from dntorch.colors import indices
 from dntorch.paper import discrete
 from dntorch.paper import statistics as st
 from dntorch.paper.law import correlation
-from dntorch.paper.outcomes import Outcome, needed_rewards, outcome, proportion
 from dntorch.paper.predictions import predictions
 from dntorch.paper.runs import Runs
+from dntorch.paper.success import Success, needed_rewards, proportion, success
 from dntorch.paper.theory import Theory, theory
 from dntorch.runs.config import Config, build_agent
 from dntorch.runs.record import LOOK_BACK
@@ -43,13 +43,13 @@ def hand_over(config: Config, steps: int = 3000) -> float:
     return float(np.median(gaps)) * config.dt if len(gaps) else 0.5
 
 
-def discrete_outcomes(
+def discrete_success(
     config: Config,
     learning: discrete.Learning,
     explored: np.ndarray,
     total: np.ndarray,
     counts: np.ndarray,
-) -> dict[str, Outcome]:
+) -> dict[str, Success]:
     """Discrete learners with the same number of behaviours as each neural run.
 
     They explore uniformly, or ("matched") as often from each pair to the next behaviour as
@@ -60,19 +60,19 @@ def discrete_outcomes(
         "sarsa_replacing": replace(learning, replacing=True),
         "td0": replace(learning, trace_decay=0.0),
     }
-    outcomes = {}
+    table = {}
     for suffix, chances in (("", None), ("_matched", counts)):
         for name, kind in kinds.items():
             history = discrete.explore_or_exploit(
                 kind, explored, total, config.seed, config.sequence, config.colors, chances=chances
             )
-            outcomes[name + suffix] = outcome(
+            table[name + suffix] = success(
                 history.rewarded, history.policy, explored, total, needed_rewards(config)
             )
-    return outcomes
+    return table
 
 
-def equivalence(neural: Outcome, learners: dict[str, Outcome]) -> dict[str, Any]:
+def equivalence(neural: Success, learners: dict[str, Success]) -> dict[str, Any]:
     """Two one-sided tests of the neural against each discrete learner with traces."""
     margins = predictions("main")["equivalence"]
     table = {}
@@ -96,7 +96,7 @@ def equivalence(neural: Outcome, learners: dict[str, Outcome]) -> dict[str, Any]
 
 
 def yoked(
-    runs: Runs, result: Outcome, explored: np.ndarray, learning: discrete.Learning
+    runs: Runs, result: Success, explored: np.ndarray, learning: discrete.Learning
 ) -> dict[str, Any]:
     """The discrete learner fed with the transitions of the neural runs: correlations over time."""
     which = np.flatnonzero(result.found)

@@ -46,7 +46,7 @@ class History(NamedTuple):
     """|delta|, ``(runs, T)``"""
 
 
-class Learner:
+class Sarsa:
     """Values and traces ``[run, state, action]``."""
 
     def __init__(self, runs: int, n: int, learning: Learning) -> None:
@@ -108,7 +108,7 @@ def explore_or_exploit(
     chances = np.where(empty, 1 - np.eye(n), chances)
     edges = np.cumsum(chances / np.maximum(chances.sum(-1, keepdims=True), 1e-12), -1)
     preference = np.arange(n) / n
-    learner = Learner(runs, n, learning)
+    learner = Sarsa(runs, n, learning)
     record = _empty(runs, int(total.max()), n)
     first = random.integers(n, size=runs)
     state, action = np.full(runs, -1), first
@@ -146,7 +146,7 @@ def yoked(
     Returns the values ``[run, state, action]`` after the last and after ``at`` behaviours.
     """
     runs, count = behaviors.shape
-    learner, kept = Learner(runs, n, learning), {}
+    learner, kept = Sarsa(runs, n, learning), {}
     for t in range(count - 1):
         if t in at:
             kept[t] = learner.values.copy()
@@ -174,7 +174,7 @@ def _write(
     action: np.ndarray,
     reward: np.ndarray,
     going: np.ndarray,
-    learner: Learner,
+    learner: Sarsa,
     target: np.ndarray,
     preference: np.ndarray,
     explore: np.ndarray,

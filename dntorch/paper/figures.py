@@ -39,11 +39,11 @@ def example_run(study: Study) -> int | None:
     """A run that found the sequence late and twice while it explored, as the paper's run 6."""
     column = np.arange(study.runs.rewarded.shape[1])
     early = study.runs.rewarded & (column < study.explored[:, None])
-    twice = study.outcome.optimal & (early.sum(1) >= 2)
-    pool = np.flatnonzero(twice if twice.any() else study.outcome.found)
+    twice = study.success.optimal & (early.sum(1) >= 2)
+    pool = np.flatnonzero(twice if twice.any() else study.success.found)
     if len(pool) == 0:
         return None
-    first = study.runs.steps[pool, study.outcome.first[pool]]
+    first = study.runs.steps[pool, study.success.first[pool]]
     return int(pool[np.argmin(abs(first - 0.6 * study.config.explore))])
 
 
@@ -80,8 +80,8 @@ def _cumulative(ax: Axes, study: Study) -> None:
         low, high = np.percentile(curves, [50 - share / 2, 50 + share / 2], axis=0)
         ax.fill_between(grid, low, high, color=GREEN, alpha=alpha, lw=0, label=f"{share} % of runs")
     ax.plot(grid, curves.mean(0), color=GREEN, lw=2, label=f"mean of {count}")
-    if study.outcome.found.any():
-        mean = curves[study.outcome.found].mean(0)
+    if study.success.found.any():
+        mean = curves[study.success.found].mean(0)
         ax.plot(grid, mean, color=INK, lw=1.2, ls="--", label="mean of those that found it")
     ax.set_ylabel("rewards")
     ax.legend(frameon=False, fontsize=8)
@@ -89,10 +89,10 @@ def _cumulative(ax: Axes, study: Study) -> None:
 
 
 def _times(ax: Axes, study: Study) -> None:
-    found = np.flatnonzero(study.outcome.found & (study.outcome.needed > 0))
+    found = np.flatnonzero(study.success.found & (study.success.needed > 0))
     if len(found) == 0:
         return
-    each, steps = study.outcome, study.runs.steps
+    each, steps = study.success, study.runs.steps
     first = steps[found, each.first[found]]
     last = (each.needed[found] - 1).clip(max=study.total[found] - 1)
     learned = steps[found, last]
@@ -164,7 +164,7 @@ def learning_law(study: Study) -> Figure:
     figure = Figure(figsize=(12, 4), layout="constrained")
     law, yoked, values = figure.subplots(1, 3)
     entry = study.results["update_regression"]
-    t = transitions(study.runs, study.outcome.found, study.results["theory"]["discount"])
+    t = transitions(study.runs, study.success.found, study.results["theory"]["discount"])
     if len(t.run):
         pick = np.random.default_rng(0).permutation(len(t.run))[:4000]
         predicted = (

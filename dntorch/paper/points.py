@@ -4,9 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dntorch.paper.outcomes import needed_rewards, outcome
 from dntorch.paper.runs import runs_from_events
 from dntorch.paper.statistics import wilson
+from dntorch.paper.success import needed_rewards, success
+from dntorch.runs.jobs import Job
 from dntorch.runs.config import Config, build_agent
 from dntorch.runs.group import Group
 from dntorch.runs.jobs import Job
@@ -46,7 +47,7 @@ def entry(events: dict[str, np.ndarray], config: Config, count: int) -> list[dic
     runs = runs_from_events(events, total)
     explored = ((runs.steps >= 0) & (runs.steps < config.explore)).sum(1)
     number = (runs.steps >= 0).sum(1)
-    result = outcome(runs.rewarded, np.zeros(0, bool), explored, number, needed_rewards(config))
+    result = success(runs.rewarded, np.zeros(0, bool), explored, number, needed_rewards(config))
     entries = []
     for first in range(0, total, count):
         rows = slice(first, first + count)

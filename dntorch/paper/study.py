@@ -8,15 +8,15 @@ import numpy as np
 import dntorch
 from dntorch.paper import statistics as st
 from dntorch.paper.comparison import (
-    discrete_outcomes,
+    discrete_success,
     equivalence,
     reference,
     theory_of,
     yoked,
 )
 from dntorch.paper.law import measured_decay, transition_counts, transitions, update_regression
-from dntorch.paper.outcomes import Outcome, describe, neural_outcome
 from dntorch.paper.runs import Runs
+from dntorch.paper.success import Success, describe, neural_success
 from dntorch.process import commit
 from dntorch.runs.config import Config
 from dntorch.runs.record import LOOK_BACK
@@ -30,7 +30,7 @@ class Study(NamedTuple):
 
     config: Config
     runs: Runs
-    outcome: Outcome
+    success: Success
     explored: np.ndarray
     total: np.ndarray
     results: dict[str, Any]
@@ -38,14 +38,14 @@ class Study(NamedTuple):
 
 def measure(config: Config, runs: Runs, single: Runs | None) -> Study:
     """Everything that is said about the runs."""
-    result, explored, total = neural_outcome(runs, config)
+    result, explored, total = neural_success(runs, config)
     counts = transition_counts(runs, config.explore, len(config.colors))
     expected = theory_of(config)
     learning = reference(expected)
-    learners = discrete_outcomes(config, learning, explored, total, counts)
-    outcomes = {"neural": result} | learners
+    learners = discrete_success(config, learning, explored, total, counts)
+    kinds = {"neural": result} | learners
     if single is not None:
-        outcomes["neural_single_item"] = neural_outcome(single, config)[0]
+        kinds["neural_single_item"] = neural_success(single, config)[0]
     results: dict[str, Any] = {
         "version": dntorch.__version__,
         "commit": commit(),
@@ -57,10 +57,10 @@ def measure(config: Config, runs: Runs, single: Runs | None) -> Study:
         if len(explored) > 1
         else [float(explored.mean()), 0.0],
     }
-    results |= {name: describe(each) for name, each in outcomes.items()}
+    results |= {name: describe(each) for name, each in kinds.items()}
     if single is None:
         nobody = np.zeros(0, np.int64)
-        results["neural_single_item"] = describe(Outcome(*[nobody > 0] * 3, nobody, nobody))
+        results["neural_single_item"] = describe(Success(*[nobody > 0] * 3, nobody, nobody))
     results |= {
         "equivalence": equivalence(result, learners),
         "theory": expected._asdict(),
@@ -79,7 +79,7 @@ def measure(config: Config, runs: Runs, single: Runs | None) -> Study:
     return Study(config, runs, result, explored, total, results)
 
 
-def learning_law(runs: Runs, result: Outcome, config: Config, discount: float) -> dict[str, Any]:
+def learning_law(runs: Runs, result: Success, config: Config, discount: float) -> dict[str, Any]:
     """The regression of the weight change of old pairs, and the decay of their trace."""
     t = transitions(runs, result.found, discount)
     entry = {}
@@ -122,7 +122,7 @@ def exploration(counts: np.ndarray, config: Config) -> dict[str, Any]:
 
 
 def td_error(
-    config: Config, runs: Runs, result: Outcome, total: np.ndarray, width: float
+    config: Config, runs: Runs, result: Success, total: np.ndarray, width: float
 ) -> dict[str, Any]:
     """Mean size of the TD error per transition, over time; of runs that found the sequence.
 
@@ -155,7 +155,7 @@ def td_error(
     }
 
 
-def shortcuts(config: Config, runs: Runs, result: Outcome, explored: np.ndarray) -> dict[str, Any]:
+def shortcuts(config: Config, runs: Runs, result: Success, explored: np.ndarray) -> dict[str, Any]:
     """Runs that became optimal only while they exploited, and one of them choice by choice.
 
     A shortcut is a choice off the rewarded sequence. It counts as unlearned when all that a

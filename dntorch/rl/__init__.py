@@ -4,11 +4,11 @@
 inside the forward of its policy, and any collector that runs it is a training loop.
 """
 
-from dntorch.rl.envs import NodesEnv, epuck, nodes, wrap
+from dntorch.rl.envs import NodesEnv, transformed, wrap
 from dntorch.rl.policy import AgentPolicy
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
 
 __all__ = [
-    "AgentPolicy", "AgentPrimer", "LastReward", "NodesEnv", "Report", "Resumable", "epuck",
-    "nodes", "wrap",
+    "AgentPolicy", "AgentPrimer", "LastReward", "NodesEnv", "Report", "Resumable",
+    "transformed", "wrap",
 ]  # fmt: skip

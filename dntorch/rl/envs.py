@@ -1,6 +1,5 @@
 """The worlds as TorchRL environments."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -13,8 +12,6 @@ from torchrl.envs.gym_like import default_info_dict_reader
 
 from dntorch.envs.nodes import NodesWorld
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
-from dntorch.runs.config import Config, build_agent
-from dntorch.runs.worlds import build_epuck, build_task
 
 
 class NodesEnv(EnvBase):
@@ -97,31 +94,6 @@ def _flag(batch: tuple[int, ...] = ()) -> Categorical:
     return Categorical(2, shape=batch, dtype=torch.bool)
 
 
-def nodes(
-    config: Config, primer: AgentPrimer | None = None, agents: int | Tensor = 0
-) -> TransformedEnv:
-    """The abstract world of a run, with what `AgentPolicy` needs; ``agents`` by number."""
-    world = NodesWorld(build_task(config), config.seed, agents)
-    return _transformed(NodesEnv(world), primer)
-
-
-def epuck(
-    config: Config,
-    primer: AgentPrimer | None = None,
-    max_seconds: float | None = None,
-    senses: Sequence[str] | None = None,
-) -> TransformedEnv:
-    """The PyBullet world of a run, with what `AgentPolicy` needs.
-
-    The layout is that of ``config.seed`` in every episode, of which there is one unless
-    ``max_seconds`` cuts it. It shows ``senses``, by default what the agent of the run reads.
-    Recorded beside them: ``found`` and ``completed``.
-    """
-    senses = build_agent(config).senses if senses is None else senses
-    env = build_epuck(config, layout_seed=config.seed, max_seconds=max_seconds, senses=senses)
-    return wrap(env, primer, found=Unbounded((), dtype=torch.int64), completed=_flag())
-
-
 def wrap(env: Any, primer: AgentPrimer | None = None, **info: Any) -> TransformedEnv:
     """Any Gymnasium env of this library, simulated or hardware, with what `AgentPolicy` needs.
 
@@ -131,11 +103,15 @@ def wrap(env: Any, primer: AgentPrimer | None = None, **info: Any) -> Transforme
     wrapped = GymWrapper(env)
     if info:
         wrapped.set_info_dict_reader(default_info_dict_reader(list(info), Composite(info)))
-    made = _transformed(wrapped, primer)
+    made = transformed(wrapped, primer)
     return made.insert_transform(0, Report()) if hasattr(env.unwrapped, "report") else made
 
 
-def _transformed(env: EnvBase, primer: AgentPrimer | None) -> TransformedEnv:
+def transformed(env: EnvBase, primer: AgentPrimer | None = None) -> TransformedEnv:
+    """A TorchRL env, such as `NodesEnv`, with what `AgentPolicy` needs.
+
+    ``primer``, of ``policy.primer()``, carries the state of an agent in the tensordict.
+    """
     env = TransformedEnv(env, InitTracker())
     env.append_transform(LastReward())
     if primer is not None:

@@ -127,7 +127,7 @@ class AgentPolicy(TensorDictModuleBase):
     def _shown(self, tensordict: TensorDictBase, key: str) -> Tensor:
         value = tensordict.get(key, None)
         if value is None:
-            remedy = "make the env with wrap, nodes or epuck of dntorch.rl"
+            remedy = "make the env with wrap or transformed of dntorch.rl"
             if key in self.agent.senses:
                 remedy = "the agent reads it, so build the env with senses=agent.senses"
             raise KeyError(f"the tensordict lacks {key!r}: {remedy}")

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dntorch.body import EPUCK, check_positive
+from dntorch.body import EPUCK
 from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE
+from dntorch.quantities import check_quantities
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Calibration:
     """images/s that come"""
 
     def __post_init__(self) -> None:
-        check_positive(fov=self.fov, axle=self.axle, fps=self.fps)
+        check_quantities(fov=self.fov, axle=self.axle, fps=self.fps)
         if self.rotate not in (0, 90, 180, 270):
             raise ValueError(f"rotate={self.rotate!r}: choose 0, 90, 180 or 270")
         if len(self.gains) != 3 or not all(0 < gain < math.inf for gain in self.gains):

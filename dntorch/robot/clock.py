@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 
-class Task(Protocol):
+class Ongoing(Protocol):
     """Something that goes on until it is cancelled."""
 
     def cancel(self) -> None: ...
@@ -19,10 +19,10 @@ class Clock(Protocol):
 
     def now(self) -> float: ...
     def sleep_until(self, moment: float) -> None: ...
-    def every(self, period: float, action: Callable[[], None]) -> Task:
+    def every(self, period: float, action: Callable[[], None]) -> Ongoing:
         """Call ``action`` every ``period`` seconds, first after one period."""
 
-    def background(self, action: Callable[[], None]) -> Task:
+    def background(self, action: Callable[[], None]) -> Ongoing:
         """Call ``action`` over and over; it waits for data by itself, and not for ever."""
 
 
@@ -35,10 +35,10 @@ class RealClock:
     def sleep_until(self, moment: float) -> None:
         time.sleep(max(0.0, moment - self.now()))
 
-    def every(self, period: float, action: Callable[[], None]) -> Task:
+    def every(self, period: float, action: Callable[[], None]) -> Ongoing:
         return _Thread(period, action)
 
-    def background(self, action: Callable[[], None]) -> Task:
+    def background(self, action: Callable[[], None]) -> Ongoing:
         return _Thread(0.0, action)
 
 
@@ -67,7 +67,7 @@ class VirtualClock:
     the background gets its turn, at the same moment.
 
     >>> clock, seen = VirtualClock(), []
-    >>> task = clock.every(0.5, lambda: seen.append(clock.now()))
+    >>> beat = clock.every(0.5, lambda: seen.append(clock.now()))
     >>> clock.sleep_until(1.5)
     >>> seen
     [0.5, 1.0, 1.5]
@@ -92,12 +92,12 @@ class VirtualClock:
             self._turn()
         self._now = max(self._now, moment)
 
-    def every(self, period: float, action: Callable[[], None]) -> Task:
+    def every(self, period: float, action: Callable[[], None]) -> Ongoing:
         event = _Event(action, self._now, period, next(self._made))
         self._plan(event)
         return event
 
-    def background(self, action: Callable[[], None]) -> Task:
+    def background(self, action: Callable[[], None]) -> Ongoing:
         self._background.append(_Event(action))
         return self._background[-1]
 

@@ -8,8 +8,8 @@ import numpy as np
 from dntorch.body import STEPS_PER_TURN
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.codecs import ProtocolError, rgb565
+from dntorch.robot.contract import Frame
 from dntorch.robot.dialects import Dialect, Reading
-from dntorch.robot.robot import Frame
 from dntorch.robot.transports import LinkLost, Transport
 
 STOPS = 3

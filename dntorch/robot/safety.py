@@ -12,9 +12,10 @@ import signal
 import threading
 from dataclasses import dataclass
 
-from dntorch.body import EPUCK, check_positive
+from dntorch.body import EPUCK
+from dntorch.quantities import check_quantities
 from dntorch.robot.clock import Clock, RealClock
-from dntorch.robot.robot import Frame, Robot
+from dntorch.robot.contract import Frame, Robot
 
 #: Farthest back, in s, that a change of speed may have begun.
 PAUSE = 0.1
@@ -38,7 +39,7 @@ class Limits:
     """s between two looks of the watchdog"""
 
     def __post_init__(self) -> None:
-        check_positive(speed=self.speed, watchdog=self.watchdog, check=self.check)
+        check_quantities(speed=self.speed, watchdog=self.watchdog, check=self.check)
         if not self.slew > 0:
             raise ValueError(f"slew={self.slew!r}: give a number above 0, or math.inf for none")
         if 2 * self.check > self.watchdog:

@@ -158,7 +158,7 @@ def transport_for(address: str) -> Transport:
     return Tcp(host, int(port or PORT))
 
 
-class Memory:
+class Inside:
     """The host's end of a link inside one process; the other end is a `MemoryServer`."""
 
     def __init__(self, server) -> None:

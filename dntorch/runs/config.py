@@ -104,6 +104,11 @@ def build_agent(config: Config) -> DNSarsa:
     )
 
 
+def senses_of(config: Config) -> tuple[str, ...]:
+    """What the agent of a run reads, and so what its world shows it."""
+    return build_agent(config).senses
+
+
 def build_exploration(config: Config) -> Exploration:
     """The noise of a run while it explores."""
     return Exploration(len(config.colors), config.seed, amplitude=config.noise)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dntorch.drive.driving import Log, Step
+from dntorch.drive.driving import Step, Trip
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.runs.config import Config
 from dntorch.show.film import film, stride_of
@@ -38,10 +38,10 @@ class Reel:
         self.glance, self.develop = glance, develop
         self._stride, self._kept = stride_of(fps, config), []
 
-    def take(self, step: Step, log: Log) -> None:
-        """Look at one control step, after ``log`` wrote it."""
-        if log.steps % self._stride == 0:
-            score = log.steps, len(log.found), len(log.completed), step.reward > 0
+    def take(self, step: Step, trip: Trip) -> None:
+        """Look at one control step, after ``trip`` wrote it."""
+        if trip.steps % self._stride == 0:
+            score = trip.steps, len(trip.found), len(trip.completed), step.reward > 0
             self._kept.append((self.glance(), step.observation["image"], self.agent.state, score))
 
     def write(self, path: Path) -> Path:

@@ -17,11 +17,11 @@ from pathlib import Path
 from tqdm import tqdm
 
 from dntorch.files import write_json
-from dntorch.paper.outcomes import neural_outcome, proportion
 from dntorch.paper.points import Point, entry, job
 from dntorch.paper.populations import Population
 from dntorch.paper.predictions import predictions
 from dntorch.paper.runs import runs_from_events
+from dntorch.paper.success import neural_success, proportion
 from dntorch.process import commit
 from dntorch.runs.config import Config
 from dntorch.runs.group import Group
@@ -98,7 +98,7 @@ def main() -> None:
         table[name] = entry(events[name], config, a.runs)[0]
     frozen = events["no_learning_in_exploitation"]
     table["no_learning_in_exploitation"] = entry(frozen, config, a.runs)[0]
-    result, _, _ = neural_outcome(runs_from_events(frozen, a.runs), config)
+    result, _, _ = neural_success(runs_from_events(frozen, a.runs), config)
     table["no_learning_in_exploitation"]["late"] = proportion(result.late, result.found)
 
     expected = predictions("controls")

@@ -23,10 +23,10 @@ from dntorch.colors import HUES
 from dntorch.files import write_json
 from dntorch.paper import discrete
 from dntorch.paper.comparison import reference, theory_of, yoked_optimal
-from dntorch.paper.outcomes import describe, needed_rewards, neural_outcome, outcome
 from dntorch.paper.populations import Population
 from dntorch.paper.runs import runs_from_events
 from dntorch.paper.statistics import wilson
+from dntorch.paper.success import describe, needed_rewards, neural_success, success
 from dntorch.process import commit
 from dntorch.runs.config import Config
 from dntorch.runs.jobs import Job, run_groups
@@ -57,7 +57,7 @@ def free(config: Config, explored: np.ndarray, total: np.ndarray, learning: disc
         learning, explored, total, config.seed, config.sequence, config.colors
     )
     needed = needed_rewards(config)
-    return describe(outcome(history.rewarded, history.policy, explored, total, needed))
+    return describe(success(history.rewarded, history.policy, explored, total, needed))
 
 
 def draw(rows: list[dict]) -> Figure:
@@ -110,7 +110,7 @@ def main() -> None:
     for (kind, colors, sequences), job in zip(chosen, jobs):
         config = job.group.config
         runs = runs_from_events(events[job.name], a.runs)
-        result, explored, total = neural_outcome(runs, config)
+        result, explored, total = neural_success(runs, config)
         if len(sequences) > 1:  # any of them is optimal; their values tell of one only
             result = result._replace(needed=np.full(a.runs, -1))
         row = {"kind": kind, "colors": colors, "sequences": sequences} | describe(result)

@@ -21,7 +21,7 @@ import numpy as np
 
 from dntorch.body import STEPS_PER_TURN, Body
 from dntorch.drive import fit as robot
-from dntorch.drive.driving import Act, Log, acting, perform
+from dntorch.drive.driving import Act, Trip, acting, perform
 from dntorch.envs import EPuckEnv
 from dntorch.envs.task import NOTHING
 from dntorch.process import settle
@@ -78,7 +78,7 @@ def emulated(
     env, emulator, _ = robot.emulated(
         config, layout, Calibration(), {**world, "body": BODY}, **link
     )
-    env.guard.limits, log = Limits(slew=slew), Log(config, scan)
+    env.guard.limits, trip = Limits(slew=slew), Trip(config, scan)
 
     def heard(observation: dict[str, np.ndarray], reward: float) -> tuple[np.ndarray, int]:
         given.append(act(observation, reward))
@@ -87,9 +87,9 @@ def emulated(
     def look(step) -> None:
         rows.append((*given[-1][0], emulator.world.pose.yaw))
 
-    perform(env, heard, log, steps, iterations=steps, each=look)
+    perform(env, heard, trip, steps, iterations=steps, each=look)
     emulator.world.close()
-    return rows, log.found
+    return rows, trip.found
 
 
 def main() -> None:

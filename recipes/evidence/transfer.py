@@ -26,19 +26,19 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: processes side by side
 
 
-from dntorch.drive.driving import Act, Log, Onset, acting, perform, why_not
+from dntorch.drive.driving import Act, Onset, Trip, acting, perform, why_not
 from dntorch.drive.fit import emulated, fit, load_agent
 from dntorch.drive.look_around import calibrate_from, look_around
-from dntorch.export import export_run
 from dntorch.export.artefacts import checksum
 from dntorch.files import write_json
 from dntorch.paper.statistics import wilson
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.emulated.camera import CAMERAS
+from dntorch.runs.export import export_run
 from dntorch.runs.train import CHECKPOINT
 from dntorch.show.reel import Reel
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 import run_agent
 
 from dntorch.process import settle
@@ -66,7 +66,7 @@ def artefact(folder: Path) -> Act:
     """An exported agent as something that drives."""
     agent, nodes = run_agent.load(folder, "onnx"), "behaviors.satisfaction.u"
     agent.learn(False)
-    half, report = agent.manifest["decisions"][nodes], Onset(agent.state()[nodes].size)
+    half, report = agent.manifest["thresholds"][nodes], Onset(agent.state()[nodes].size)
     return lambda seen, reward: (agent.act(seen, reward), report(agent.state()[nodes] > half))
 
 
@@ -84,15 +84,15 @@ def drive(run: Path, folder: Path, job: tuple[str, str, int], film: Path | None 
     agent = fit(trained, config, known)
     agent.learn(DRIVERS[driver])
     act = artefact(folder / camera) if driver == "artefact" else acting(agent)
-    log, world = Log(config, agent.sensorimotor.scan), emulator.world
+    trip, world = Trip(config, agent.sensorimotor.scan), emulator.world
     reel = Reel(agent, config, lambda: world.pose, world.view)
-    perform(env, act, log, steps=10_000, each=lambda step: film and reel.take(step, log))
+    perform(env, act, trip, steps=10_000, each=lambda step: film and reel.take(step, trip))
     if film:
         reel.write(film)
     world.close()
-    result = log.summary() | {"camera": camera, "driver": driver, "layout": layout}
+    result = trip.summary() | {"camera": camera, "driver": driver, "layout": layout}
     result["seen"] = "".join(config.colors[color] for color in seen)
-    result["why_not"] = why_not(log, result["seen"])
+    result["why_not"] = why_not(trip, result["seen"])
     write_json(done, result)
     return result
 

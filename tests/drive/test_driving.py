@@ -6,7 +6,7 @@ import torch
 
 pytest.importorskip("gymnasium")
 
-from dntorch.drive.driving import Log, Onset, Step, why_not
+from dntorch.drive.driving import Onset, Step, Trip, why_not
 from dntorch.drive.fit import fit, hardware, load_agent, save_learned
 from dntorch.envs.task import NOTHING
 from dntorch.robot.calibration import Calibration
@@ -59,20 +59,20 @@ def test_the_watchdog_waits_for_a_serial_line(dialect, watchdog):
     assert env.observation_space["image"].shape == (48, 64, 3)
 
 
-def log_of(letters: str, seconds_each: float = 1.0) -> Log:
-    """A log of finding these colours, each sequence noticed as the task does."""
-    log, found = Log(Config(), scan=0.3), ""
+def trip_of(letters: str, seconds_each: float = 1.0) -> Trip:
+    """A trip of finding these colours, each sequence noticed as the task does."""
+    trip, found = Trip(Config(), scan=0.3), ""
     for letter in letters:
         found += letter
         for k in range(round(32 * seconds_each)):
-            color = log.config.colors.index(letter) if k == 0 else NOTHING
+            color = trip.config.colors.index(letter) if k == 0 else NOTHING
             info = {
                 "completed": k == 0 and found.endswith("GBYRG"), "stopped": "", "fresh": True,
                 "age": 0.1, "late": 0.0, "speeds": np.ones(2), "connections": 1,
             }  # fmt: skip
-            log.write(Step(np.zeros(1), 0.0, color, info))
-    log.over(10**6, 2)
-    return log
+            trip.write(Step(np.zeros(1), 0.0, color, info))
+    trip.over(10**6, 2)
+    return trip
 
 
 @pytest.mark.parametrize("found, seen, said", [
@@ -83,13 +83,13 @@ def log_of(letters: str, seconds_each: float = 1.0) -> Log:
     ("GBYRGBYRG", "GBYRGBY", "reported GBYRGBYRG, the world saw GBYRGBY"),
 ])  # fmt: skip
 def test_why_a_robot_did_not_succeed(found, seen, said):
-    assert why_not(log_of(found), seen) == said
+    assert why_not(trip_of(found), seen) == said
 
 
 def test_finding_nothing_for_more_than_a_turn_ends_it():
-    assert log_of("GB", 30.0).ending == ""
-    stuck = log_of("GB", 41.0)
+    assert trip_of("GB", 30.0).ending == ""
+    stuck = trip_of("GB", 41.0)
     assert stuck.ending == "nothing was found for 40 s"
     assert why_not(stuck, "GB") == "nothing was found for 40 s after GB"
-    slow = Log(Config(), scan=0.12)
+    slow = Trip(Config(), scan=0.12)
     assert 70 < slow.patience < 90

@@ -32,6 +32,7 @@ from dntorch.runs.run import Trial
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUNNER = EXAMPLES / "run_agent.py"
 WEIGHTS, COUNTS = "learner.values.weights", ["decisions", "ignored"]
+HALVES = ["behaviors.intention.u", "behaviors.satisfaction.u"]
 
 
 #: What `dntorch learn --seed 1` had learned in the end, [state][action], in the order RGBY.
@@ -145,6 +146,8 @@ def test_the_manifest_says_what_a_robot_needs(manifest, exported) -> None:
     assert [name for name, port in state.items() if port["lasting"]] == [WEIGHTS, *COUNTS]
     assert np.array_equal(np.array(state[WEIGHTS]["rest"], np.float32).T, np.float32(LEARNED))
     assert [port["rest"] for port in manifest["switches"]] == [1.0]
+    assert manifest["thresholds"] == dict.fromkeys(HALVES, 0.0)
+    assert manifest["exploration"] == {"amplitude": 10.0, "seed": 1}
     source = manifest["source"]
     assert source["config"]["sequence"] == "GBYRG" and len(source["checkpoint_sha256"]) == 64
     for name, entry in manifest["files"].items():
@@ -253,19 +256,20 @@ def test_a_manifest_of_another_agent_fails(name, exported, tmp_path, capsys) -> 
     assert "FAILED" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 7}', '{"format": 2}'])
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 7}', '{"format": 3}'])
 def test_a_damaged_manifest_is_named(content, tmp_path) -> None:
     (tmp_path / "manifest.json").write_text(content)
     with pytest.raises(replay.Unfit, match=r"manifest.json .*export again"):
         replay.verify(tmp_path)
 
 
-def test_an_export_of_an_older_form_is_refused_in_one_sentence(exported, tmp_path) -> None:
+@pytest.mark.parametrize("number", [1, 2])
+def test_an_export_of_an_older_form_is_refused_in_one_sentence(number, exported, tmp_path) -> None:
     part_of(exported, tmp_path, "agent.onnx")
 
     def older(content: dict) -> None:
-        content["format"] = 1
-        content["inputs"][0]["name"] = "observation"
+        content["format"] = number
+        content["decisions"] = content.pop("thresholds")
 
     edit(tmp_path, older)
     for command in (["-m", "dntorch.cli", "verify"], [str(RUNNER), "--robot=r.py:R"]):
@@ -273,7 +277,7 @@ def test_an_export_of_an_older_form_is_refused_in_one_sentence(exported, tmp_pat
             [sys.executable, *command, str(tmp_path)], capture_output=True, text=True, timeout=200
         )
         assert done.returncode == 1
-        assert "manifest.json is of format 1, not 2: export again" in done.stderr
+        assert f"manifest.json is of format {number}, not 3: export again" in done.stderr
         assert done.stderr.count("\n") == 1
 
 

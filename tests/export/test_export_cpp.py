@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from dntorch.export import export_run
 from dntorch.runs.config import Config
 from dntorch.runs.run import Trial
+from dntorch.runs.export import export_run
 
 ROOT = Path(__file__).parents[2]
 

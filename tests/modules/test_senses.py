@@ -1,6 +1,5 @@
 """Observations by name, from worlds that compute only what is read to agents of mixed senses."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,8 @@ from torch import Tensor
 from dntorch import DNSarsa, FindColor, Repertoire, Sensorimotor
 from dntorch.cells.working_memory import WorkingMemoryState
 from dntorch.envs import EPuckEnv, HardwareEnv, sensors
-from dntorch.rl import AgentPolicy, epuck, nodes
+from dntorch.rl import AgentPolicy
+from dntorch.runs.collect import collected
 from dntorch.runs.config import Config
 from dntorch.runs.run import Trial, load_trained
 from dntorch.runs.worlds import build_world, tensors
@@ -172,7 +172,7 @@ def test_two_senses_through_torchrl_equal_the_plain_loop(carried: bool) -> None:
     policy = AgentPolicy(agent, carried=carried)
     assert policy.in_keys[:4] == ["image", "proximity", "last_reward", "is_init"]
     config = Config(seed=3)
-    env = epuck(config, policy.primer() if carried else None, senses=agent.senses)
+    env = collected(config, policy.primer() if carried else None, senses=agent.senses)
     batch = env.rollout(60, policy)
     assert {"image", "proximity"} <= set(batch.keys()) and "wheels" not in batch.keys()
     world, reward = build_world(config, alone.senses), torch.zeros(())
@@ -190,12 +190,12 @@ def test_two_senses_through_torchrl_equal_the_plain_loop(carried: bool) -> None:
 
 def test_a_key_that_is_missing_is_named_with_a_remedy() -> None:
     policy = AgentPolicy(mixed())
-    env = epuck(Config())
+    env = collected(Config())
     with pytest.raises(KeyError, match=r"lacks 'proximity': .*senses=agent.senses"):
         policy(env.reset())
     env.close()
     shown = TensorDict({"match": torch.zeros(2)})
-    with pytest.raises(KeyError, match=r"lacks 'is_init': make the env with wrap, nodes or epuck"):
+    with pytest.raises(KeyError, match=r"lacks 'is_init': make the env with wrap or transformed"):
         AgentPolicy(DNSarsa(2))(shown)
 
 
@@ -210,8 +210,8 @@ def test_a_reward_of_nan_is_counted_and_teaches_nothing(bad, first: bool, carrie
     learner = agent.state.learner._replace(trace=WorkingMemoryState(torch.full((2, 2), 0.4)))
     agent.state = agent.state._replace(learner=learner)
     policy = AgentPolicy(agent, carried=carried)
-    env = nodes(replace(Config(world="nodes"), colors="GB", sequence="GB"),
-                policy.primer() if carried else None)  # fmt: skip
+    config = Config(world="nodes", colors="GB", sequence="GB")
+    env = collected(config, policy.primer() if carried else None)
     shown = env.reset()
     shown["last_reward"].fill_(bad)
     shown["is_init"].fill_(first)

@@ -5,8 +5,8 @@ import pytest
 
 from dntorch.paper.comparison import yoked_optimal
 from dntorch.paper.discrete import (
-    Learner,
     Learning,
+    Sarsa,
     executes,
     explore_or_exploit,
     greedy,
@@ -126,7 +126,7 @@ def test_greedy_policy() -> None:
 
 
 def test_a_learner_keeps_runs_apart() -> None:
-    learner = Learner(2, 3, Learning(0.5, 0.5, 0.8))
+    learner = Sarsa(2, 3, Learning(0.5, 0.5, 0.8))
     state, action = np.array([0, 1]), np.array([1, 2])
     learner.visit(state, action, np.array([True, False]))
     learner.learn(np.array([1, 1]), (state, action), (action, state), np.array([True, False]))

@@ -7,8 +7,8 @@ import pytest
 
 from dntorch.paper import statistics as st
 from dntorch.paper.law import correlation, transition_counts
-from dntorch.paper.outcomes import outcome, policies
 from dntorch.paper.runs import match, runs_from_events
+from dntorch.paper.success import policies, success
 from dntorch.runs.config import Config
 
 
@@ -77,7 +77,7 @@ def test_match_pairs_onsets_with_finds() -> None:
     assert not match(steps, behaviors, wrong)[0].any()
 
 
-def test_outcome_of_runs_made_by_hand() -> None:
+def test_success_of_runs_made_by_hand() -> None:
     columns = 100
     rewarded, policy = np.zeros((2, 3, columns), bool)
     rewarded[0, 20], rewarded[0, 51::4] = True, True  # found early, optimal from then on
@@ -85,7 +85,7 @@ def test_outcome_of_runs_made_by_hand() -> None:
     rewarded[2, 30] = True  # found, then lost
     policy[0, 60:], policy[1, 50:] = True, True
     total = np.full(3, columns)
-    result = outcome(rewarded, policy, np.full(3, 50), total, 9)
+    result = success(rewarded, policy, np.full(3, 50), total, 9)
     assert result.found.tolist() == [True, False, True]
     assert result.optimal.tolist() == [True, True, False]
     assert result.late.tolist() == [True, False, False]

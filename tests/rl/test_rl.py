@@ -12,14 +12,13 @@ from torchrl.envs import EnvBase, StepCounter, check_env_specs
 
 from dntorch import DNSarsa, Exploration, files
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.rl import AgentPolicy, AgentPrimer, epuck, nodes
-from dntorch.rl.envs import wrap
+from dntorch.rl import AgentPolicy, AgentPrimer, wrap
+from dntorch.runs.collect import collected
 from dntorch.runs.config import Config, build_agent, build_exploration
 from dntorch.runs.run import Trial
 
-WORLDS = {"nodes": nodes, "epuck": epuck}
 FORMS = pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tensordict"])
-WORLD = pytest.mark.parametrize("world", WORLDS)
+WORLD = pytest.mark.parametrize("world", ["nodes", "epuck"])
 
 
 def collector(env: EnvBase, policy: AgentPolicy, frames: int, total: int = -1):
@@ -31,7 +30,7 @@ def collector(env: EnvBase, policy: AgentPolicy, frames: int, total: int = -1):
 def build(config: Config, carried: bool = False) -> tuple[EnvBase, AgentPolicy]:
     agent, exploration = build_agent(config), build_exploration(config)
     policy = AgentPolicy(agent, config.explore, exploration, carried)
-    return WORLDS[config.world](config, policy.primer() if carried else None), policy
+    return collected(config, policy.primer() if carried else None), policy
 
 
 @FORMS
@@ -78,8 +77,15 @@ def test_specs(world: str, carried: bool) -> None:
     check_env_specs(env)
 
 
+def test_what_the_world_of_a_run_does_not_have_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"agents=2: world='epuck' is for one agent"):
+        collected(Config(), agents=2)
+    with pytest.raises(ValueError, match=r"senses=\('image',\): this world shows \('match',\)"):
+        collected(Config(world="nodes"), senses=["image"])
+
+
 def test_specs_of_a_batch() -> None:
-    env = nodes(Config(world="nodes"), agents=torch.arange(3))
+    env = collected(Config(world="nodes"), agents=torch.arange(3))
     check_env_specs(env)
     assert env.rollout(5).shape == (3, 5)
 
@@ -91,10 +97,10 @@ def test_rows_of_a_native_batch_are_what_agents_alone_are() -> None:
     config = Config(world="nodes", seed=5, explore=300, sequence="GB", colors="GBY")
     numbers = torch.arange(4)
     policy = AgentPolicy(DNSarsa(3).spread(4), 300, Exploration(3, 5, numbers))
-    batch = next(iter(collector(nodes(config, agents=numbers), policy, 4 * 450)))
+    batch = next(iter(collector(collected(config, agents=numbers), policy, 4 * 450)))
     for k in range(4):
         alone = AgentPolicy(DNSarsa(3), 300, Exploration(3, 5, k))
-        one = next(iter(collector(nodes(config, agents=k), alone, 450)))
+        one = next(iter(collector(collected(config, agents=k), alone, 450)))
         assert torch.equal(one["next", "found"], batch["next", "found"][k])
         assert torch.allclose(one["weights"], batch["weights"][k], atol=1e-4)
     assert (batch["next", "found"] >= 0).sum() > 8
@@ -157,7 +163,7 @@ def test_a_reset_forgets_the_activation_and_keeps_what_was_learned(carried: bool
     with torch.no_grad():
         policy.agent.weights.fill_(0.5)
     if carried:
-        env = nodes(config, policy.primer()).append_transform(StepCounter(max_steps=300))
+        env = collected(config, policy.primer()).append_transform(StepCounter(max_steps=300))
     batch = next(iter(collector(env, policy, 700)))
     first = batch["is_init"][:, 0].nonzero()[:, 0].tolist()
     assert first == [0, 300, 600]
@@ -245,7 +251,7 @@ def staggered(config: Config, carried: bool):
     numbers = torch.arange(3)
     agent, noise = DNSarsa(3).spread(3), Exploration(3, config.seed, numbers)
     policy = AgentPolicy(agent, config.explore, noise, carried)
-    env = nodes(config, policy.primer() if carried else None, numbers)
+    env = collected(config, policy.primer() if carried else None, agents=numbers)
     env.insert_transform(0, StepCounter(max_steps=40))
     made = collector(env, policy, 3 * 25)
     made.reset(index=[1])  # it counts from here

@@ -65,7 +65,7 @@ def test_wheels_count_from_the_reset():
 
 def test_nothing_answers():
     setup = Setup()
-    setup.emulator._task.cancel()
+    setup.emulator._ongoing.cancel()
     with pytest.raises(ConnectionError, match="selector"):
         env_on(setup, patience=2.0).reset()
 

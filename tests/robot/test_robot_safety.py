@@ -14,10 +14,10 @@ from dntorch.body import STEPS_PER_TURN
 from dntorch.robot.clock import RealClock, VirtualClock
 from dntorch.robot.codecs import wifi
 from dntorch.robot.codecs.rgb565 import Picture
+from dntorch.robot.contract import Frame
 from dntorch.robot.dialects import Wifi
 from dntorch.robot.driver import Driver
 from dntorch.robot.emulated.servers import MemoryServer
-from dntorch.robot.robot import Frame
 from dntorch.robot.safety import Guard, Limits
 from dntorch.robot.transports import LinkLost
 
@@ -233,7 +233,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests 
 package = sys.modules["dntorch"] = types.ModuleType("dntorch")  # no need to wait for torch
 package.__path__ = [{path!r}]
 from dntorch.robot.clock import RealClock
-from dntorch.robot.robot import Frame
+from dntorch.robot.contract import Frame
 from dntorch.robot.safety import Guard
 
 class Log:  # a robot that writes what it is told

@@ -37,7 +37,7 @@ BODIES = {"wifi": WIFI_BODY, "sercom": SERCOM_BODY, "sercom2": SERCOM2_BODY}
 SERIAL = 11520
 
 
-class World(Protocol):
+class Surroundings(Protocol):
     """What stands around the robot, as an ``EPuckEnv`` that was reset."""
 
     dt: float
@@ -72,7 +72,7 @@ class Emulator:
 
     def __init__(
         self,
-        world: World,
+        world: Surroundings,
         server: Server,
         firmware: Firmware,
         clock: Clock | None = None,
@@ -88,7 +88,7 @@ class Emulator:
         self.steps, self._images, self._exposed = 0, deque(), 0.0
         self._link: Link | None = None
         self._outbox: deque[tuple[float, bytes]] = deque()
-        self._offset, self._task = np.zeros(2, np.int64), None
+        self._offset, self._ongoing = np.zeros(2, np.int64), None
 
     @property
     def speeds(self) -> tuple[int, int]:
@@ -101,12 +101,12 @@ class Emulator:
         return self._link is not None
 
     def start(self) -> None:
-        self._task = self.clock.every(self.world.dt, self.tick)
+        self._ongoing = self.clock.every(self.world.dt, self.tick)
 
     def close(self) -> None:
         """Nobody is served any more."""
-        if self._task is not None:
-            self._task.cancel()
+        if self._ongoing is not None:
+            self._ongoing.cancel()
         if self._link is not None:
             self._link.close()
         self.server.close()

@@ -4,7 +4,7 @@ import os
 import socket
 from typing import Protocol
 
-from dntorch.robot.transports import Memory
+from dntorch.robot.transports import Inside
 
 
 class Link(Protocol):
@@ -139,9 +139,9 @@ class MemoryServer:
     def __init__(self, room: int = 1 << 18) -> None:
         self.room, self._waiting = room, []
 
-    def transport(self) -> Memory:
+    def transport(self) -> Inside:
         """The client's end."""
-        return Memory(self)
+        return Inside(self)
 
     def connect(self) -> "_MemoryLink":
         link = _MemoryLink(self.room)

@@ -13,7 +13,7 @@ from dntorch.runs.config import Config, build_agent
 from dntorch.runs.record import LOOK_BACK, enough
 
 
-class Outcome(NamedTuple):
+class Success(NamedTuple):
     """What became of each run, ``(runs,)`` each."""
 
     found: np.ndarray
@@ -45,13 +45,13 @@ def needed_rewards(config: Config) -> int:
     return enough(SequenceTask(config.sequence, config.colors).period)
 
 
-def outcome(
+def success(
     rewarded: np.ndarray,
     policy: np.ndarray,
     explored: np.ndarray,
     total: np.ndarray,
     needed_rewards: int,
-) -> Outcome:
+) -> Success:
     """Judge runs of ``total`` behaviours, the first ``explored`` of them random.
 
     ``policy`` (runs, T) says whether the values after each behaviour execute the sequence;
@@ -65,12 +65,12 @@ def outcome(
     optimal = ((rewarded & last).sum(1) >= needed_rewards) & (total >= LOOK_BACK)
     if policy.size == 0:
         nothing = np.full(len(found), -1)
-        return Outcome(found, optimal, found & False, np.where(found, early.argmax(1), -1), nothing)
+        return Success(found, optimal, found & False, np.where(found, early.argmax(1), -1), nothing)
     wrong = ~policy & (column < total[:, None])
     last_wrong = np.where(wrong.any(1), wrong.shape[1] - 1 - wrong[:, ::-1].argmax(1), -1)
     ever = last_wrong + 1 < total
     at_end = policy[np.arange(len(found)), (explored - 1).clip(min=0)]
-    return Outcome(
+    return Success(
         found,
         optimal,
         found & optimal & ~at_end,
@@ -79,8 +79,8 @@ def outcome(
     )
 
 
-def neural_outcome(runs: Runs, config: Config) -> tuple[Outcome, np.ndarray, np.ndarray]:
-    """Outcome, number of behaviours in exploration, number of behaviours in all."""
+def neural_success(runs: Runs, config: Config) -> tuple[Success, np.ndarray, np.ndarray]:
+    """Success, number of behaviours in exploration, number of behaviours in all."""
     explored = ((runs.steps >= 0) & (runs.steps < config.explore)).sum(1)
     total = (runs.steps >= 0).sum(1)
     policy = runs.weights.astype(bool)
@@ -90,7 +90,7 @@ def neural_outcome(runs: Runs, config: Config) -> tuple[Outcome, np.ndarray, np.
         policy = policies(later, config)
         each = np.arange(len(total))
         policy[each, total - 1] = policy[each, (total - 2).clip(min=0)]
-    return outcome(runs.rewarded, policy, explored, total, needed_rewards(config)), explored, total
+    return success(runs.rewarded, policy, explored, total, needed_rewards(config)), explored, total
 
 
 def proportion(flags: np.ndarray, among: np.ndarray | None = None) -> list[int]:
@@ -99,17 +99,17 @@ def proportion(flags: np.ndarray, among: np.ndarray | None = None) -> list[int]:
     return [int(flags.sum()), len(flags)]
 
 
-def describe(outcome: Outcome) -> dict[str, Any]:
+def describe(runs: Success) -> dict[str, Any]:
     """The entry of ``results.json`` for one kind of learner."""
-    good = outcome.found & outcome.optimal & (outcome.needed > 0)
+    good = runs.found & runs.optimal & (runs.needed > 0)
     entry: dict[str, Any] = {
-        "found": proportion(outcome.found),
-        "optimal_given_found": proportion(outcome.optimal, outcome.found),
-        "optimal_given_not_found": proportion(outcome.optimal, ~outcome.found),
-        "optimal_only_in_exploitation": proportion(outcome.late, outcome.found),
-        "behaviors_to_find": summary(outcome.first[outcome.found] + 1),
-        "behaviors_to_optimal": summary(outcome.needed[good]),
-        "behaviors_from_find_to_optimal": summary((outcome.needed - outcome.first - 1)[good]),
+        "found": proportion(runs.found),
+        "optimal_given_found": proportion(runs.optimal, runs.found),
+        "optimal_given_not_found": proportion(runs.optimal, ~runs.found),
+        "optimal_only_in_exploitation": proportion(runs.late, runs.found),
+        "behaviors_to_find": summary(runs.first[runs.found] + 1),
+        "behaviors_to_optimal": summary(runs.needed[good]),
+        "behaviors_from_find_to_optimal": summary((runs.needed - runs.first - 1)[good]),
     }
     for key in list(entry):
         if isinstance(entry[key], list):

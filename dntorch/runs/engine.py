@@ -1,0 +1,205 @@
+"""Agent, world and exploration as one function of a moment: the loop of every run.
+
+    moment -> noise of this decision -> agent -> action -> world -> outcome -> memory -> moment
+
+The same for one agent and for a batch, eager and compiled, whatever is remembered. A pure world
+is compiled together with the agent; before another one the agent alone is.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils import _pytree as pytree
+
+from dntorch.envs.world import Outcome, World
+from dntorch.modules.sarsa import AgentState, DNSarsa
+from dntorch.noise import Exploration
+from dntorch.runs.chance import HALF, Chance, draw, noise_of
+
+SECONDS = 8.0
+"""Simulated seconds of a portion, for which chance is drawn ahead."""
+
+
+class Moment(NamedTuple):
+    """All that changes from step to step."""
+
+    step: Tensor
+    """control steps taken, int64"""
+    observation: dict[str, Tensor]
+    reward: Tensor
+    agent: AgentState
+    world: Any
+    log: Any
+    """rows of the portion that runs, as the memory wants them"""
+
+
+class Memory(Protocol):
+    """What is kept of a run. `write` is called within a compiled step, `collect` between."""
+
+    def log(self, agent: AgentState, rows: int) -> Any: ...
+    def write(
+        self, log: Any, row: Tensor, before: AgentState, after: AgentState, outcome: Outcome
+    ) -> Any: ...
+    def collect(self, log: Any, first: int, steps: int) -> None: ...
+    def snapshot(self) -> dict[str, np.ndarray]: ...
+    def restore(self, snapshot: dict[str, np.ndarray], log: Any) -> Any: ...
+
+
+class Engine:
+    """Steps agents in their world.
+
+    Args:
+        agent: with the batch of the world, values of its own for each member.
+        world: where it acts.
+        exploration: the noise while it explores.
+        memory: what is kept.
+        state: of the world, at first.
+        compiled: fuse a step with torch.compile; it needs a C++ compiler.
+    """
+
+    def __init__(
+        self,
+        agent: DNSarsa,
+        world: World,
+        exploration: Exploration,
+        memory: Memory,
+        state: Any,
+        compiled: bool = False,
+    ) -> None:
+        self.agent, self.world, self.exploration, self.memory = agent, world, exploration, memory
+        self.portion = max(1, round(SECONDS / agent.dt))
+        self.dtype = agent.weights.dtype
+        self.moment = self._first(state)
+        self.in_place = compiled and world.pure
+        if self.in_place:
+            with torch.inference_mode():  # as every step: the compiler tells the two kinds apart
+                self.moment = pytree.tree_map(innermost, self.moment)
+            self._step = Fused(self._step)
+        elif compiled:
+            self._decide = torch.compile(self._decide, fullgraph=True, dynamic=False)
+
+    def _first(self, state: Any) -> Moment:
+        agent = self.agent.state
+        observation = self.world.observe(state)
+        for name, value in observation.items():
+            observation[name] = value.to(self.dtype) if value.is_floating_point() else value
+        return Moment(
+            torch.zeros((), dtype=torch.int64, device=agent.decisions.device),
+            observation,
+            torch.zeros_like(agent.decisions, dtype=self.dtype),
+            agent,
+            state,
+            self.memory.log(agent, self.portion),
+        )
+
+    # ------------------------------------------------------------------ one step
+
+    def _step(self, moment: Moment, chance: Chance) -> Moment:
+        action, agent = self._decide(moment.observation, moment.reward, moment.agent, chance)
+        outcome, world = self.world.step(action, moment.world)
+        row = moment.step - chance.step
+        log = self.memory.write(moment.log, row, moment.agent, agent, outcome)
+        reward = outcome.reward.to(self.dtype)
+        return Moment(moment.step + 1, outcome.observation, reward, agent, world, log)
+
+    def _decide(
+        self, observation: dict[str, Tensor], reward: Tensor, state: AgentState, chance: Chance
+    ) -> tuple[Tensor, AgentState]:
+        return self.agent.step(observation, reward, noise_of(state.decisions, chance), state)
+
+    # ------------------------------------------------------------------ many steps
+
+    @torch.inference_mode()
+    def restore(self, moment: Moment) -> None:
+        """Go on from another moment; a compiled step keeps its addresses."""
+        self._go_on(moment)
+        self.agent.state = self.moment.agent
+
+    def _go_on(self, moment: Moment) -> None:
+        if self.in_place:
+            overwrite(self.moment, moment)
+        else:
+            self.moment = moment
+
+    @torch.inference_mode()
+    def advance(self, now: int, steps: int, exploring: bool) -> None:
+        """Take ``steps`` control steps from step ``now`` on, with the agent as it is now."""
+        self._go_on(self.moment._replace(agent=self.agent.state))
+        end = now + steps
+        while now < end:
+            now += self._portion(now, min(self.portion, end - now), exploring)
+        self.agent.state = self.moment.agent
+
+    def _portion(self, first: int, count: int, exploring: bool) -> int:
+        """Up to ``count`` steps with chance drawn ahead; how many were taken."""
+        self._go_on(self.moment._replace(world=self.world.provide(self.moment.world)))
+        moment = self.moment
+        chance = draw(self.exploration, moment.step, moment.agent.decisions, exploring, self.dtype)
+        if self.in_place:
+            chance = pytree.tree_map(innermost, chance)
+        for taken in range(1, count + 1):
+            moment = self._step(moment, chance)
+            if taken % HALF == 0 and self._crowded(moment, chance):
+                break
+        self.moment = moment
+        self.memory.collect(moment.log, first, taken)
+        return taken
+
+    def _crowded(self, moment: Moment, chance: Chance) -> bool:
+        """Whether a table of chance or events might be full before the next look.
+
+        A working agent takes two decisions in a portion; one of the paper's misprints flickers.
+        """
+        many = bool((moment.agent.decisions - chance.decision >= HALF).any())
+        return many or self.world.due(moment.world)
+
+
+def innermost(tensor: Tensor) -> Tensor:
+    """The same tensor with its first dimension, the batch, innermost in memory: twice as fast."""
+    if not isinstance(tensor, Tensor) or tensor.dim() < 2:
+        return tensor.clone() if isinstance(tensor, Tensor) else tensor
+    return tensor.movedim(0, -1).contiguous().movedim(-1, 0)
+
+
+def overwrite(moment: Moment, other: Moment) -> None:
+    """Copy every number of another moment into this one."""
+    for own, new in zip(pytree.tree_leaves(moment), pytree.tree_leaves(other)):
+        if own is not new:
+            own.copy_(new)
+
+
+class Fused:
+    """A compiled step between two moments of fixed addresses, which take turns.
+
+    What is read is never written in the same step, so nothing is copied twice, and the
+    compiler keeps one entry: addresses and strides never change.
+    """
+
+    def __init__(self, step: Callable[[Moment, Chance], Moment]) -> None:
+        def write(moment: Moment, chance: Chance, target: Moment) -> None:
+            overwrite(target, step(moment, chance))
+
+        self.step, self.write = step, torch.compile(write, fullgraph=True, dynamic=False)
+        self.target: Moment | None = None
+
+    def __call__(self, moment: Moment, chance: Chance) -> Moment:
+        if self.target is None:
+            self.target = self._spare(moment, chance)
+            self.write(moment, chance, self.target)
+        else:
+            with torch.compiler.set_stance("default", skip_guard_eval_unsafe=True):
+                self.write(moment, chance, self.target)
+        self.target, moment = moment, self.target
+        return moment
+
+    def _spare(self, moment: Moment, chance: Chance) -> Moment:
+        """Room for the next moment; what a step hands on as it is, it shares with this one."""
+        after = self.step(moment, chance)  # only to see what is handed on: the next call repeats it
+
+        def room(own: Tensor, new: Tensor) -> Tensor:
+            return own if own is new else own.clone()
+
+        return pytree.tree_map(room, moment, after)
