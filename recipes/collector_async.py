@@ -25,7 +25,8 @@ from torchrl.envs import EnvBase
 from dntorch import files
 from dntorch.process import settle
 from dntorch.rl import AgentPolicy, AgentPrimer, epuck
-from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.build import build_agent, build_exploration
+from dntorch.runs.config import Config
 from dntorch.runs.trial import Trial
 
 

@@ -23,7 +23,8 @@ from torchrl.collectors.distributed import RayCollector
 from dntorch import files
 from dntorch.process import settle
 from dntorch.rl import AgentPolicy, epuck
-from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.build import build_agent, build_exploration
+from dntorch.runs.config import Config
 from dntorch.runs.trial import Trial
 
 

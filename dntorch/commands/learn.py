@@ -8,7 +8,8 @@ from tqdm import tqdm
 from dntorch.commands.common import OF_A_RUN, RUNS, new_folder, refuse_options
 from dntorch.process import end_when_asked
 from dntorch.runs import train as learning
-from dntorch.runs.config import WORLDS, Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import WORLDS, Config
 from dntorch.runs.logs import LOGGERS, open_log
 from dntorch.runs.trial import Trial
 

@@ -19,7 +19,8 @@ from dntorch.robot.driver import Driver
 from dntorch.robot.emulated.emulator import Emulator
 from dntorch.robot.emulated.servers import MemoryServer
 from dntorch.robot.safety import Limits
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.train import CHECKPOINT
 from dntorch.runs.trial import load_trained
 

@@ -16,7 +16,8 @@ from dntorch.export.boundary import Boundary
 from dntorch.export.golden import Golden, Outcome, record
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.process import commit
-from dntorch.runs.config import Config, build_exploration
+from dntorch.runs.build import build_exploration
+from dntorch.runs.config import Config
 from dntorch.runs.train import CHECKPOINT
 from dntorch.runs.trial import load_trained
 from dntorch.runs.worlds import World, build_world

@@ -8,7 +8,8 @@ from dntorch.paper.outcomes import needed_rewards, outcome
 from dntorch.paper.runs import runs_from_events
 from dntorch.paper.statistics import wilson
 from dntorch.runs.batches import Job
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.group import Group
 
 

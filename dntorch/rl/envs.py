@@ -13,7 +13,8 @@ from torchrl.envs.gym_like import default_info_dict_reader
 
 from dntorch.envs.nodes import NodesWorld
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.worlds import build_epuck, build_task
 
 

@@ -8,12 +8,6 @@ from dntorch.cells.integrators import check_integrator
 from dntorch.checks import check_time_constant
 from dntorch.colors import PAPER, SEQUENCE, check_colors, check_sequence
 from dntorch.envs.task import REWARD, REWARD_DURATION
-from dntorch.modules.find_color import FindColor
-from dntorch.modules.hebbian import HebbianQ
-from dntorch.modules.learner import Learner
-from dntorch.modules.sarsa import DNSarsa
-from dntorch.modules.working_memory import ItemOrderWM
-from dntorch.noise import Exploration
 
 WORLDS = ("epuck", "nodes")
 
@@ -83,27 +77,3 @@ class Config:
     def fine(self) -> float:
         """Seconds an integrator step."""
         return self.dt / self.substeps
-
-
-def build_agent(config: Config) -> DNSarsa:
-    """The agent of a run, without batch, at rest, knowing nothing."""
-    n, dt = len(config.colors), config.fine
-    camera = config.world == "epuck"
-    return DNSarsa(
-        n,
-        sensorimotor=FindColor(config.colors, dt=dt) if camera else None,
-        learner=Learner(
-            n,
-            trace=ItemOrderWM(n, tau=config.trace_tau, dt=dt),
-            values=HebbianQ(n, learning_rate=config.learning_rate, dt=dt),
-            dt=dt,
-        ),
-        dt=config.dt,
-        substeps=config.substeps,
-        integrator=config.integrator,
-    )
-
-
-def build_exploration(config: Config) -> Exploration:
-    """The noise of a run while it explores."""
-    return Exploration(len(config.colors), config.seed, amplitude=config.noise)

@@ -13,7 +13,8 @@ from dntorch.cells.functions import is_on
 from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import NOTHING
 from dntorch import files
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.train import PORTION
 from dntorch.runs.record import reported
 from dntorch.process import postponed

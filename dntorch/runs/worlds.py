@@ -9,7 +9,8 @@ from torch import Tensor
 from dntorch.body import Body
 from dntorch.envs.nodes import NodesState, NodesWorld
 from dntorch.envs.task import SequenceTask, TaskState
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 
 if TYPE_CHECKING:
     from dntorch.envs.epuck import EPuckEnv

@@ -58,7 +58,8 @@ def test_what_is_a_colour_is_said_once():
 
 
 def test_the_agent_of_a_run_is_the_agent_that_a_user_builds():
-    from dntorch.runs.config import Config, build_agent, build_exploration
+    from dntorch.runs.build import build_agent, build_exploration
+    from dntorch.runs.config import Config
 
     config = Config()
     run, own = build_agent(config), DNSarsa(4, FindColor("RGBY"))

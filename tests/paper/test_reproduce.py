@@ -22,7 +22,8 @@ from dntorch.paper.figures import draw
 from dntorch.paper.reproduce import reproduce
 from dntorch.paper.variants import VARIANTS
 from dntorch.runs.batches import Job, run_groups
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.group import Group
 from dntorch.runs.population import Population
 from dntorch.runs.trial import Trial

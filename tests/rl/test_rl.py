@@ -14,7 +14,8 @@ from dntorch import DNSarsa, Exploration, files
 from dntorch.cells.working_memory import WorkingMemoryState
 from dntorch.rl import AgentPolicy, AgentPrimer, epuck, nodes
 from dntorch.rl.envs import wrap
-from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.build import build_agent, build_exploration
+from dntorch.runs.config import Config
 from dntorch.runs.trial import Trial
 
 WORLDS = {"nodes": nodes, "epuck": epuck}
