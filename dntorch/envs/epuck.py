@@ -11,7 +11,7 @@ import torch
 from gymnasium import spaces
 
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body, check_positive
-from dntorch.colors import HUES, PAPER, SEQUENCE, check_colors
+from dntorch.colors import HUES, PAPER, REWARD, REWARD_DURATION, SEQUENCE, check_colors
 from dntorch.envs import sensors
 from dntorch.envs.drive import Free, Pin
 from dntorch.envs.judge import DWELL, DWELL_RATE, NOTHING, TOLERANCE, Judge, JudgeState, Verdict
@@ -19,7 +19,7 @@ from dntorch.envs.layout import DAYLIGHT, Light, Ring
 from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
 from dntorch.envs.spectator import Spectator
-from dntorch.envs.task import REWARD, REWARD_DURATION, SequenceTask, TaskState
+from dntorch.envs.task import SequenceTask, TaskState
 
 PIVOTS = ("free", "kinematic")
 

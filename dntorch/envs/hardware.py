@@ -10,9 +10,9 @@ import torch
 from gymnasium import spaces
 
 from dntorch.body import EPUCK, Body, check_positive
-from dntorch.colors import PAPER, SEQUENCE, check_colors
+from dntorch.colors import PAPER, REWARD, REWARD_DURATION, SEQUENCE, check_colors
 from dntorch.envs.sensors import PROXIMITY_TABLE, SENSES, observation_space
-from dntorch.envs.task import NOTHING, REWARD, REWARD_DURATION, SequenceTask
+from dntorch.envs.task import NOTHING, SequenceTask
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.images import resample

@@ -1,15 +1,30 @@
-"""One run, as numbers: which world, which task, how long, with which parameters."""
+"""One run, as numbers: which world, which task, how long, with which parameters.
+
+Imports no PyTorch: the command line makes its options of these fields.
+"""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from dntorch.body import EPUCK
-from dntorch.cells.integrators import check_integrator
-from dntorch.checks import check_time_constant
-from dntorch.colors import PAPER, SEQUENCE, check_colors, check_sequence
-from dntorch.envs.task import REWARD, REWARD_DURATION
+from dntorch.cells.integrators import INTEGRATORS, check_integrator
+from dntorch.colors import (
+    HUES,
+    PAPER,
+    REWARD,
+    REWARD_DURATION,
+    SEQUENCE,
+    check_colors,
+    check_sequence,
+)
 
 WORLDS = ("epuck", "nodes")
+
+
+def _setting(default: Any, text: str, choices: tuple[str, ...] = ()) -> Any:
+    """A field: its default, what it is in the words of ``--help``, and what it may be."""
+    return field(default=default, metadata={"help": text, "choices": choices})
 
 
 @dataclass(frozen=True)
@@ -20,37 +35,26 @@ class Config:
         ValueError: a value that makes no run; the sentence says what to give.
     """
 
-    world: str = "epuck"
-    """``epuck``, the PyBullet world, or ``nodes``, the abstract one"""
-    seed: int = 0
-    """of layout, exploration and durations"""
-    explore: int = 50_000
-    """control steps of exploration, as in the paper"""
-    steps: int = 100_000
-    """control steps in all; the rest is exploitation"""
-    sequence: str = SEQUENCE
-    colors: str = PAPER
-    dt: float = 1 / 32
-    """s, a control step"""
-    substeps: int = 1
-    """integrator steps in a control step"""
-    integrator: str = "euler"
-    learning_rate: float = 0.06
-    """1/s"""
-    trace_tau: float = 1.0
-    """s, time constant of the item-and-order memory"""
-    reward: float = REWARD
-    """size of the reward signal"""
-    reward_duration: float = REWARD_DURATION
-    """s, its length"""
-    noise: float = 10.0
-    """amplitude of exploration on the value weights"""
-    width: int = EPUCK.width
-    """px, of the camera image"""
-    height: int = EPUCK.height
-    """px"""
+    world: str = _setting("epuck", "PyBullet with a camera, or abstract behaviours.", WORLDS)
+    seed: int = _setting(0, "Of layout, exploration and durations.")
+    explore: int = _setting(50_000, "Control steps of exploration.")
+    steps: int = _setting(100_000, "Control steps in all; the rest is exploitation.")
+    sequence: str = _setting(SEQUENCE, "Colours that are rewarded in this order.")
+    colors: str = _setting(PAPER, f"Colours to look for, of {''.join(HUES)}.")
+    dt: float = _setting(1 / 32, "Duration of a control step, s.")
+    substeps: int = _setting(1, "Integrator steps per control step.")
+    integrator: str = _setting("euler", "Of the neural dynamics.", INTEGRATORS)
+    learning_rate: float = _setting(0.06, "Of the values, 1/s.")
+    trace_tau: float = _setting(1.0, "Time constant of the item-and-order memory, s.")
+    reward: float = _setting(REWARD, "Size of the reward signal.")
+    reward_duration: float = _setting(REWARD_DURATION, "Length of the reward signal, s.")
+    noise: float = _setting(10.0, "Amplitude of exploration on the values.")
+    width: int = _setting(EPUCK.width, "Columns of the camera image.")
+    height: int = _setting(EPUCK.height, "Rows of the camera image.")
 
     def __post_init__(self) -> None:
+        from dntorch.checks import check_time_constant  # imports PyTorch
+
         if self.world not in WORLDS:
             raise ValueError(f"world={self.world!r}: choose from {', '.join(WORLDS)}")
         check_sequence(self.sequence, check_colors(self.colors))
@@ -60,6 +64,11 @@ class Config:
                 raise ValueError(f"{name}={getattr(self, name)} must be positive and finite")
         if not math.isfinite(self.reward):
             raise ValueError(f"reward={self.reward} is not finite: give a number")
+        if self.reward_duration < self.dt:
+            raise ValueError(
+                f"reward_duration={self.reward_duration} is shorter than a control step: give at "
+                f"least dt={self.dt}"
+            )
         check_time_constant("trace_tau", self.trace_tau, self.fine)
         if not 0 <= self.seed < 2**32:
             raise ValueError(f"seed={self.seed}: give a whole number from 0 to {2**32 - 1}")
