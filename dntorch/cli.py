@@ -12,7 +12,7 @@ def main() -> None:
     except ImportError as error:
         sys.exit(_fail(f"{error}: run pip install 'dntorch[cli,sim]'"))
     try:
-        sys.exit(dntorch.main(standalone_mode=False))
+        sys.exit(dntorch.main(prog_name="dntorch", standalone_mode=False))
     except click.ClickException as error:
         sys.exit(_fail(error.format_message()))
     except (click.Abort, KeyboardInterrupt):
