@@ -203,6 +203,21 @@ def test_one_value_has_one_source(tmp_path: Path, monkeypatch, capsys) -> None:
 
 # ------------------------------------------------------------------ help and completion
 
+
+def test_without_a_command_the_help_is_shown_as_it_stands(monkeypatch, capsys) -> None:
+    for arguments in ([], ["robot"]):
+        monkeypatch.setattr(sys, "argv", ["dntorch", *arguments])
+        with pytest.raises(SystemExit) as exit:
+            main()
+        assert exit.value.code == 2 and len(capsys.readouterr().err.splitlines()) > 5
+
+
+def test_a_package_that_is_missing_is_one_line(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    error = fails(monkeypatch, capsys, "learn", *QUICK, "--out", tmp_path / "run")
+    assert "tqdm" in error and "pip install" in error
+
+
 LISTS_MODULES = """
 import atexit, sys
 from dntorch.cli import main
