@@ -61,7 +61,10 @@ class Config:
         check_integrator(self.integrator, self.substeps)
         for name in ("dt", "learning_rate", "trace_tau", "reward_duration", "noise"):
             if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name}={getattr(self, name)} must be positive and finite")
+                raise ValueError(
+                    f"{name}={getattr(self, name)} must be positive and finite: give a number "
+                    "above 0"
+                )
         if not math.isfinite(self.reward):
             raise ValueError(f"reward={self.reward} is not finite: give a number")
         if self.reward_duration < self.dt:
