@@ -13,15 +13,15 @@ import torch
 from torch import Tensor
 from torch.utils._pytree import tree_map
 
+from dntorch import files
 from dntorch.cells.functions import came_on, is_on
 from dntorch.envs.nodes import NodesState
-from dntorch import files
-from dntorch.runs.worlds import build_task
 from dntorch.modules.sarsa import AgentState
+from dntorch.paper.variants import build_variant
 from dntorch.runs.chance import PORTION, Chance, Dice, TabledWorld
 from dntorch.runs.events import Events, Log, empty_log, write
 from dntorch.runs.group import Group
-from dntorch.paper.variants import build_variant
+from dntorch.runs.worlds import build_task
 
 
 class Running(NamedTuple):

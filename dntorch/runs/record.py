@@ -5,8 +5,8 @@ from torch import Tensor
 
 from dntorch.cells.functions import came_on, is_on
 from dntorch.envs.task import NOTHING
-from dntorch.runs.worlds import Outcome
 from dntorch.modules.learner import LearnerState
+from dntorch.runs.worlds import Outcome
 
 LOOK_BACK, SHARE = 40, 0.9
 """An agent is *optimal* with nine in ten of the rewards that its last 40 behaviours could

@@ -9,18 +9,18 @@ import torch
 from torch import Tensor
 from torch.utils import _pytree as pytree
 
+from dntorch import files
 from dntorch.cells.functions import is_on
 from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import NOTHING
-from dntorch import files
+from dntorch.noise import Exploration
+from dntorch.process import postponed
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
-from dntorch.runs.train import PORTION
 from dntorch.runs.record import reported
-from dntorch.process import postponed
+from dntorch.runs.train import PORTION
 from dntorch.runs.trial import Trial
 from dntorch.runs.worlds import build_task
-from dntorch.noise import Exploration
 
 #: In what the runs of a batch may differ.
 INDIVIDUAL = ("seed", "learning_rate", "trace_tau", "reward", "reward_duration", "noise")

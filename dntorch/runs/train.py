@@ -10,8 +10,7 @@ import numpy as np
 
 import dntorch
 from dntorch.envs.task import SequenceTask
-from dntorch.files import write_atomically
-from dntorch.files import write_json
+from dntorch.files import write_atomically, write_json
 from dntorch.process import postponed
 from dntorch.runs.trial import Trial
 

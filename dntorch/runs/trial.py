@@ -7,11 +7,11 @@ from typing import Any
 import torch
 
 from dntorch import files
+from dntorch.modules.sarsa import DNSarsa
 from dntorch.runs.build import build_agent, build_exploration
 from dntorch.runs.config import Config
 from dntorch.runs.record import Record
 from dntorch.runs.worlds import build_world
-from dntorch.modules.sarsa import DNSarsa
 
 
 class Trial:
