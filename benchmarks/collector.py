@@ -16,8 +16,9 @@ from torchrl.collectors import Collector
 
 from dntorch.process import settle
 from dntorch.rl import AgentPolicy
+from dntorch.runs.build import build_agent, build_exploration
 from dntorch.runs.collect import collected
-from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.config import Config
 from dntorch.runs.run import Trial
 
 

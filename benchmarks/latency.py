@@ -25,8 +25,8 @@ from dntorch import DNSarsa, FindColor
 from dntorch.export import RUNTIMES, replay
 from dntorch.process import settle
 from dntorch.runs.config import Config
-from dntorch.runs.run import Trial
 from dntorch.runs.export import export_run
+from dntorch.runs.run import Trial
 
 ROUNDS, STEPS, WARM = 40, 50, 100
 

@@ -3,33 +3,61 @@
 Dynamic neural fields, elementary behaviours, item-and-order working memory and Hebbian
 values as ``nn.Module`` s, composed into DN-SARSA(lambda): an agent that learns a rewarding
 sequence of behaviours from delayed reward in continuous time.
+
+Each name is imported, and PyTorch with it, when it is first asked for.
 """
 
-from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING
 
 from dntorch import envs
-from dntorch.cells.kernels import Gauss, Global, Matrices
-from dntorch.dynamics import Dynamics
-from dntorch.modules.behaviors import ElementaryBehaviors
-from dntorch.modules.field import DNF
-from dntorch.modules.find_color import FindColor
-from dntorch.modules.hebbian import HebbianQ
-from dntorch.modules.learner import Learner
-from dntorch.modules.node import NodeWTA
-from dntorch.modules.opposition import ValueOpposition
-from dntorch.modules.repertoire import Repertoire
-from dntorch.modules.sarsa import DNSarsa
-from dntorch.modules.sensorimotor import Direct, Sensorimotor
-from dntorch.modules.transient import TPCell
-from dntorch.modules.value import ValueNodes
-from dntorch.modules.working_memory import ItemOrderWM
-from dntorch.noise import Exploration
-from dntorch.number import Number
+from dntorch.lazy import later
 
-try:
-    __version__ = version("dntorch")
-except PackageNotFoundError:  # a source tree that was never installed
-    __version__ = "0+unknown"
+if TYPE_CHECKING:
+    from dntorch.cells.kernels import Gauss, Global, Matrices
+    from dntorch.dynamics import Dynamics
+    from dntorch.modules.behaviors import ElementaryBehaviors
+    from dntorch.modules.field import DNF
+    from dntorch.modules.find_color import FindColor
+    from dntorch.modules.hebbian import HebbianQ
+    from dntorch.modules.learner import Learner
+    from dntorch.modules.node import NodeWTA
+    from dntorch.modules.opposition import ValueOpposition
+    from dntorch.modules.repertoire import Repertoire
+    from dntorch.modules.sarsa import DNSarsa
+    from dntorch.modules.sensorimotor import Direct, Sensorimotor
+    from dntorch.modules.transient import TPCell
+    from dntorch.modules.value import ValueNodes
+    from dntorch.modules.working_memory import ItemOrderWM
+    from dntorch.noise import Exploration
+    from dntorch.number import Number
+    from dntorch.version import __version__ as __version__
+else:  # the same, later
+    __getattr__, __dir__ = later(
+        __name__,
+        {
+            "DNF": "modules.field",
+            "DNSarsa": "modules.sarsa",
+            "Direct": "modules.sensorimotor",
+            "Dynamics": "dynamics",
+            "ElementaryBehaviors": "modules.behaviors",
+            "Exploration": "noise",
+            "FindColor": "modules.find_color",
+            "Gauss": "cells.kernels",
+            "Global": "cells.kernels",
+            "HebbianQ": "modules.hebbian",
+            "ItemOrderWM": "modules.working_memory",
+            "Learner": "modules.learner",
+            "Matrices": "cells.kernels",
+            "NodeWTA": "modules.node",
+            "Number": "number",
+            "Repertoire": "modules.repertoire",
+            "Sensorimotor": "modules.sensorimotor",
+            "TPCell": "modules.transient",
+            "ValueNodes": "modules.value",
+            "ValueOpposition": "modules.opposition",
+            "__version__": "version",
+        },
+    )
 
 __all__ = [
     "DNF",

@@ -12,11 +12,16 @@ def main() -> None:
     except ImportError as error:
         sys.exit(_fail(f"{error}: run pip install 'dntorch[cli,sim]'"))
     try:
-        sys.exit(dntorch.main(standalone_mode=False))
+        sys.exit(dntorch.main(prog_name="dntorch", standalone_mode=False))
+    except click.exceptions.NoArgsIsHelpError as help:
+        help.show()
+        sys.exit(2)
     except click.ClickException as error:
         sys.exit(_fail(error.format_message()))
     except (click.Abort, KeyboardInterrupt):
         sys.exit(130)
+    except ModuleNotFoundError as error:
+        sys.exit(_fail(f"{error}: run pip install 'dntorch[all]', or the extra that brings it"))
     except (ValueError, OSError, ImportError) as error:
         sys.exit(_fail(str(error)))
 

@@ -26,6 +26,9 @@ PAPER = "RGBY"
 #: The rewarded sequence of the paper.
 SEQUENCE = "GBYRG"
 
+#: Size of the reward signal for it, and its length in s, unless a run says otherwise.
+REWARD, REWARD_DURATION = 2.0, 1.0
+
 
 def check_colors(colors: str) -> str:
     """Return ``colors`` if it is a repertoire: two or more known letters, none twice."""

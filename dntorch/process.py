@@ -10,8 +10,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import torch
-
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -21,6 +19,8 @@ def settle(threads: int = 1) -> None:
     Silent cells must not decay into slow denormal numbers, and operations on a few nodes are
     fastest, and always the same, on one thread.
     """
+    import torch  # 2 s: the command line asks for the rest of this file without it
+
     torch.set_flush_denormal(True)
     torch.set_num_threads(threads)
 

@@ -12,7 +12,8 @@ import torch
 
 from dntorch import files
 from dntorch.robot.calibration import Calibration
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 
 RECIPES = Path(__file__).parents[1] / "recipes"
 

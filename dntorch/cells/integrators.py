@@ -18,10 +18,13 @@ A structure with ``substeps`` and ``integrator`` therefore steps like this::
 The input is held during a step: order two holds for the state, not for a moving input.
 """
 
+INTEGRATORS = ("euler", "heun")
+
 
 def check_integrator(integrator: str, substeps: int) -> None:
     """Raise unless ``integrator`` is known and ``substeps`` at least one."""
-    if integrator not in ("euler", "heun"):
-        raise ValueError(f"integrator={integrator!r} is unknown: choose 'euler' or 'heun'")
+    if integrator not in INTEGRATORS:
+        choices = " or ".join(map(repr, INTEGRATORS))
+        raise ValueError(f"integrator={integrator!r} is unknown: choose {choices}")
     if not isinstance(substeps, int) or substeps < 1:
         raise ValueError(f"substeps={substeps!r}: give a whole number, at least one per step")

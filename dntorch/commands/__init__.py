@@ -1,4 +1,7 @@
-"""The command line: one file a command."""
+"""The command line: one file per command.
+
+No file imports PyTorch or NumPy before its command runs: help and completion answer at once.
+"""
 
 import click
 
@@ -9,14 +12,25 @@ from dntorch.commands.learn import learn
 from dntorch.commands.reproduce import reproduce
 from dntorch.commands.robot import robot
 from dntorch.commands.sweep import sweep
-from dntorch.process import settle
+
+
+def _print_version(context: click.Context, _: click.Parameter, asked: bool) -> None:
+    if asked and not context.resilient_parsing:
+        click.echo(f"dntorch, version {library.__version__}")
+        context.exit()
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(library.__version__)
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Show the version and exit.",
+)
 def dntorch() -> None:
     """Neural dynamics that learn behaviour."""
-    settle()
 
 
 for command in (learn, reproduce, sweep, export, verify, robot, emulate):

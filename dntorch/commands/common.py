@@ -3,8 +3,22 @@
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import click
+
+from dntorch.process import settle
+
+
+class Computing(click.Command):
+    """A command that computes: its process gets its settings before anything else.
+
+    Not the group: it runs before ``--help`` of a command, and would import PyTorch for it.
+    """
+
+    def invoke(self, context: click.Context) -> Any:
+        settle()
+        return super().invoke(context)
 
 
 def refuse_options(context: click.Context, kept: Iterable[str], why: str) -> None:

@@ -6,9 +6,9 @@ from contextlib import closing, suppress
 from typing import TYPE_CHECKING, Any
 
 import click
-from tqdm import tqdm
 
 from dntorch.colors import PAPER
+from dntorch.commands.common import Computing
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
 from dntorch.process import end_when_asked
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dntorch.robot.emulated.servers import Server
 
 
-@click.command()
+@click.command(cls=Computing)
 @PROTOCOL
 @PACING
 @CAMERA
@@ -47,6 +47,8 @@ def emulate(host: str, port: int, pty: bool, colors: str, **options: Any) -> Non
 
 
 def _watch(emulator: "Emulator") -> None:
+    from tqdm import tqdm
+
     with tqdm(unit="step", mininterval=0.5, miniters=0) as bar:
         while True:
             left, right = emulator.speeds

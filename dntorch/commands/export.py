@@ -5,10 +5,12 @@ from pathlib import Path
 
 import click
 
+from dntorch.commands.common import Computing
+
 FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
-@click.command()
+@click.command(cls=Computing)
 @click.argument("run", type=FOLDER)
 @click.option("--to", "folder", type=FOLDER, required=True, help="Folder for the artefacts.")
 @click.option(
@@ -42,7 +44,7 @@ def export(run: Path, folder: Path, also: tuple[str, ...], calibration: Path | N
         click.echo(f"{file.stat().st_size:>10,}  {file}")
 
 
-@click.command()
+@click.command(cls=Computing)
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False, exists=True))
 def verify(folder: Path) -> int:
     """Replay the golden record of an export through each artefact.

@@ -1,16 +1,14 @@
 """``dntorch reproduce``: the paper's claims over many runs."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from tqdm import tqdm
 
-from dntorch import files
-from dntorch.commands.common import OF_A_RUN, RUNS, new_folder, refuse_options
+from dntorch.commands.common import OF_A_RUN, RUNS, Computing, new_folder, refuse_options
+from dntorch.commands.options import build_config, options_of_a_run, spelled
 from dntorch.process import end_when_asked
-from dntorch.runs.config import WORLDS, Config
+from dntorch.runs.config import Config
 
 if TYPE_CHECKING:
     from dntorch.paper.study import Study
@@ -19,59 +17,54 @@ OPTIONS = "options.pt"
 """What a folder was begun with."""
 
 
-@click.command()
-@click.option(
-    "--world", type=click.Choice(WORLDS), default="nodes", show_default=True,
-    help="Abstract behaviours, or PyBullet with a camera.",
-)  # fmt: skip
+@click.command(cls=Computing)
+@options_of_a_run(world="nodes")
 @click.option("--runs", type=click.IntRange(1), default=1000, show_default=True)
-@click.option(
-    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
-    help="nodes: of all runs; epuck: of the first, the next take the next numbers.",
-)  # fmt: skip
-@click.option(
-    "--explore", type=int, default=Config.explore, show_default=True,
-    help="Control steps of exploration (32 a second).",
-)  # fmt: skip
-@click.option(
-    "--steps", type=int, default=Config.steps, show_default=True, help="Control steps in all."
-)
 @click.option("--processes", type=click.IntRange(1), default=2, show_default=True)
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False),
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
     help="New folder for the runs.  [default: runs/reproduce-WORLD-seedSEED]",
-)  # fmt: skip
+)
 @click.option(
-    "--resume", type=click.Path(path_type=Path, file_okay=False),
+    "--resume",
+    type=click.Path(path_type=Path, file_okay=False),
     help="Folder to go on with; it keeps the options it began with.",
-)  # fmt: skip
+)
 @click.pass_context
-def reproduce(context, world, runs, seed, explore, steps, processes, out, resume) -> None:
+def reproduce(context, file, runs, processes, out, resume, **options) -> None:
     """Test the paper's claims with many runs.
 
     The folder gets results.json, figures and report.html, which puts each sentence of the
     paper beside our number, its interval and a verdict.
+
+    In the world nodes, --seed is that of all runs; in epuck it is that of the first, and the
+    next take the next numbers.
     """
+    from dntorch import files
+    from dntorch.runs.build import build_agent
+
     if resume:
         refuse_options(context, {"resume"}, OF_A_RUN)
         folder, saved = resume, files.load(resume / OPTIONS)
         runs, processes = saved.pop("runs"), saved.pop("processes")
         config = Config(**saved)
     else:
-        config = replace(Config(), world=world, seed=seed, explore=explore, steps=steps)
-        folder = out or Path("runs") / f"reproduce-{world}-seed{seed}"
+        config = build_config(file, options)
+        build_agent(config)  # raises for a value that makes none, before there is a folder
+        folder = out or Path("runs") / f"reproduce-{config.world}-seed{config.seed}"
         new_folder(folder, RUNS, f"go on with --resume {folder} or name another")
         content = vars(config) | {"runs": runs, "processes": processes}
         files.save(folder / OPTIONS, content)
     study = _run(config, runs, folder, processes)
-    options = {"world": config.world, "runs": runs, "seed": config.seed, "explore": config.explore,
-               "steps": config.steps}  # fmt: skip
-    given = " ".join(f"--{name} {value}" for name, value in options.items())
-    _report(study, folder, f"dntorch reproduce {given}")
+    command = f"dntorch reproduce --world {config.world} --runs {runs}"
+    _report(study, folder, f"{command} {spelled(config, world=config.world)}".rstrip())
 
 
 def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
-    from dntorch.paper import reproduce as reproducing  # scipy takes its time
+    from tqdm import tqdm
+
+    from dntorch.paper import reproduce as reproducing
 
     end_when_asked()
     total = reproducing.steps_to_take(config, runs, processes)

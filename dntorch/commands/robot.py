@@ -1,24 +1,20 @@
 """Commands that drive a robot: a real one that was named, or an emulator of their own."""
 
-import json
 import select
 import sys
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
-from tqdm import tqdm
 
 from dntorch.body import EPUCK, FASTEST
-from dntorch.colors import PAPER, check_colors
-from dntorch.commands.common import new_folder
+from dntorch.commands.calibrate import FILE, calibrate, measure
+from dntorch.commands.common import Computing, new_folder
 from dntorch.commands.target import Target, open_target, options_of_target
-from dntorch.files import write_atomically
 from dntorch.process import end_when_asked
 from dntorch.runs.config import Config
-from dntorch.runs.train import CHECKPOINT
 
 if TYPE_CHECKING:
     from dntorch.drive.driving import Trip
@@ -26,7 +22,6 @@ if TYPE_CHECKING:
     from dntorch.robot.calibration import Calibration
     from dntorch.show.reel import Reel
 
-FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
@@ -36,10 +31,7 @@ def robot() -> None:
     end_when_asked()
 
 
-# ---------------------------------------------------------------- run
-
-
-@robot.command()
+@robot.command(cls=Computing)
 @click.argument("run", type=FOLDER)
 @options_of_target
 @click.option(
@@ -82,9 +74,12 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
     is learned goes to OUT/checkpoint.pt, which is a run of its own, after each completed
     sequence and at the end. Exit code 1 when it ended before all iterations were done.
     """
+    from tqdm import tqdm
+
     from dntorch.drive import driving
     from dntorch.drive.fit import fit, hardware, load_agent, save_learned
     from dntorch.robot.calibration import Calibration
+    from dntorch.runs.train import CHECKPOINT
 
     trained, config = load_agent(run)
     known = Calibration.load(file) if file else None
@@ -100,7 +95,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
         env = hardware(target.driver, target.clock, config, known, speed_cap, key=pressed)
         with env:
             folder = new_folder(out or _numbered(run), [CHECKPOINT, "report.json"])
-            env.calibration = known or _look_around(env, config.colors, fov=target.fov)
+            env.calibration = known or measure(env, config.colors, fov=target.fov)
             agent = fit(trained, config, env.calibration)
             agent.learn(learn)
             trip = driving.Trip(config, agent.sensorimotor.scan)
@@ -147,12 +142,13 @@ def _reel(agent, config: Config, target: Target, env: "HardwareEnv") -> "Reel":
 
 
 def _report(folder: Path, trip: "Trip", calibration: "Calibration", target: Target) -> None:
+    from dntorch.files import write_json
+
     numbers = trip.summary()
     if target.emulator is not None:
         numbers["seen_by_the_world"] = "".join(trip.config.colors[color] for color in target.seen)
         numbers["faults"] = dict(target.emulator.faults.counts)
-    text = json.dumps(numbers, indent=1) + "\n"
-    write_atomically(folder / "report.json", lambda file: file.write(text.encode()))
+    write_json(folder / "report.json", numbers)
     calibration.save(folder / "calibration.json")
     late = numbers["late_ms"]
     click.echo(f"ended: {trip.ending}\nfound: {trip.letters or 'nothing'}")
@@ -175,76 +171,4 @@ def _enter() -> bool:
     return bool(select.select([sys.stdin], [], [], 0)[0] and sys.stdin.readline())
 
 
-# ---------------------------------------------------------------- calibrate
-
-
-@robot.command()
-@click.argument("images", nargs=-1, type=FILE)
-@click.option("--to", type=FILE, required=True, help="File to write; an old one is replaced.")
-@options_of_target
-@click.option("--colors", default=PAPER, show_default=True, help="Of all blocks around it.")
-@click.option("--rotate", type=click.Choice(["0", "90", "180", "270"]), default="0",
-              show_default=True, help="Degrees counter-clockwise.")  # fmt: skip
-@click.option("--mirror", is_flag=True, help="Exchange left and right, after the rotation.")
-@click.option("--fov", type=float, help="Horizontal field of view, rad.")
-@click.option("--axle", type=float, help="m, if it is not to be measured.")
-@click.option("--fps", type=float, help="Images/s, if they are not to be counted.")
-@click.option("--distance", type=float, help="m to the blocks: measures the field of view.")
-@click.pass_context
-def calibrate(context, images, to, colors, distance, **options) -> None:
-    """Measure a robot's camera and axle, for `robot run --calibration`.
-
-    The robot turns a little more than once on the spot, amid blocks of all the colours. With
-    IMAGES, files that show the blocks all around, colours alone are measured.
-    """
-    check_colors(colors)
-    given = {name: options.pop(name) for name in ("mirror", "fov", "axle", "fps")}
-    known = {name: value for name, value in given.items() if value}
-    known["rotate"] = int(options.pop("rotate"))
-    assumed = ""
-    if images:
-        from dntorch.robot.emulated.emulator import BODIES
-
-        protocol = options["protocol"]
-        usual = {"fov": BODIES[protocol].fov, "fps": 7.0 if protocol == "wifi" else 2.6}
-        made = _from_files(images, colors, usual | known)
-        assumed = f" (what was not given is usual for {protocol}, not measured)"
-    else:
-        config = Config(colors=colors, sequence=colors)
-        with open_target(context, config, **options) as robot:
-            from dntorch.drive.fit import hardware
-
-            with hardware(robot.driver, robot.clock, config) as env:
-                if distance is None:
-                    known.setdefault("fov", robot.fov)
-                made = _look_around(env, colors, distance, **known)
-    replaced = " (replaced)" if to.exists() else ""
-    made.save(to)
-    hues = ", ".join(f"{letter} {angle:.0f}" for letter, angle in made.hues.items())
-    click.echo(
-        f"gains of red, green, blue: {', '.join(f'{gain:.2f}' for gain in made.gains)}\n"
-        f"hues in degrees: {hues}\nfield of view {made.fov:.3f} rad, axle {made.axle:.4f} m, "
-        f"{made.fps:g} images/s{assumed}\ncalibration: {to}{replaced}"
-    )
-
-
-def _from_files(files: tuple[Path, ...], colors: str, known: dict[str, Any]) -> "Calibration":
-    import cv2
-
-    from dntorch.robot.calibration import calibrate
-
-    images = []
-    for file in files:
-        image = cv2.imread(str(file))
-        if image is None:
-            raise ValueError(f"IMAGES: {file} is no image that OpenCV can read: leave it out")
-        images.append(image[:, :, ::-1])
-    return calibrate(images, colors, **known)
-
-
-def _look_around(env: "HardwareEnv", colors: str, distance=None, **known) -> "Calibration":
-    from dntorch.drive.look_around import calibrate_from, look_around
-
-    with tqdm(total=100, unit="%", desc="looking around") as bar:
-        views = look_around(env, lambda share: bar.update(round(100 * share) - bar.n))
-    return calibrate_from(views, colors, distance, **known)
+robot.add_command(calibrate)

@@ -3,23 +3,26 @@
 import os
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-from tqdm import tqdm
 
+from dntorch.commands.common import Computing, refuse_options
+from dntorch.commands.options import build_config, options_of_a_run
 from dntorch.process import end_when_asked
-from dntorch.runs import pool, table
-from dntorch.runs import sweep as sweeps
-from dntorch.runs.config import WORLDS, Config
+from dntorch.runs.config import Config
+from dntorch.runs.settings import FIELDS, WORDS
+
+if TYPE_CHECKING:
+    from dntorch.runs.pool import Finished
+    from dntorch.runs.sweep import Table
 
 
-@click.command()
+@click.command(cls=Computing)
+@options_of_a_run(without=("seed",))
 @click.option("--seeds", default="0-9", show_default=True, help="Such as 0-99 or 1,5,7.")
-@click.option(
-    "--world", type=click.Choice(WORLDS), default="epuck", show_default=True, help="As in learn."
-)
 @click.option(
     "--set",
     "settings",
@@ -64,26 +67,24 @@ from dntorch.runs.config import WORLDS, Config
     show_default=True,
     help="Folder of the sweep; called again, it goes on with what is not finished.",
 )
-def sweep(seeds, world, settings, processes, batch, ray, slurm, retries, checkpoint_every, out):
+@click.pass_context
+def sweep(context, file, seeds, settings, out, batch, checkpoint_every, **options) -> None:
     """Train many agents and write one table.
 
     Each run has a folder of its own with results.json, checkpoint.pt and record.npz; table.csv,
-    table.jsonl and, where pyarrow is, table.parquet hold a row a run.
+    table.jsonl and, where pyarrow is, table.parquet hold a row per run.
     """
-    configs = sweeps.grid(Config(world=world), _seeds(seeds), dict(map(_setting, settings)))
+    from dntorch.runs import sweep as sweeps
+    from dntorch.runs import table
+
+    varied = dict(map(_setting, settings))
+    refuse_options(context, context.params.keys() - varied, "is varied by --set as well")
+    where = {name: options.pop(name) for name in ("processes", "ray", "slurm", "retries")}
+    first = {name: values[0] for name, values in varied.items() if name in options}
+    configs = sweeps.grid(build_config(file, options | first), _seeds(seeds), varied)
+    _check(configs)
     tasks = sweeps.plan(configs, out.absolute(), batch, checkpoint_every)
-    out.mkdir(parents=True, exist_ok=True)
-    processes = processes or len(os.sched_getaffinity(0))
-    if slurm and ray:
-        raise ValueError("--slurm and --ray: choose one")
-    if slurm:
-        running = pool.on_slurm(sweeps.run, tasks, out)
-    elif ray:
-        running = pool.on_ray(
-            sweeps.run, tasks, None if ray == "local" else ray, retries, processes
-        )
-    else:
-        running = pool.in_processes(sweeps.run, tasks, processes, retries, tqdm.write)
+    running = _start(tasks, out, **where)
     end_when_asked()
     rows, failed = _follow(running, len(configs))
     order = {sweeps.name_of(config): k for k, config in enumerate(configs)}
@@ -94,22 +95,50 @@ def sweep(seeds, world, settings, processes, batch, ray, slurm, retries, checkpo
         raise ValueError(f"{len(failed)} of {len(configs)} runs failed, the first: {failed[0]}")
 
 
-def _follow(running: Iterator[pool.Finished], total: int) -> tuple[sweeps.Table, list[str]]:
-    rows: sweeps.Table = []
+def _check(configs: list[Config]) -> None:
+    """Raise for values that make no agent, before there is a folder."""
+    from dntorch.runs.build import build_agent
+
+    for config in dict.fromkeys(replace(config, seed=0) for config in configs):
+        build_agent(config)
+
+
+def _start(tasks, out: Path, processes, ray, slurm, retries) -> "Iterator[Finished]":
+    from tqdm import tqdm
+
+    from dntorch.runs import pool, sweep
+
+    if slurm and ray:
+        raise ValueError("--slurm and --ray: choose one")
+    out.mkdir(parents=True, exist_ok=True)
+    processes = processes or len(os.sched_getaffinity(0))
+    if slurm:
+        return pool.on_slurm(sweep.run, tasks, out)
+    if ray:
+        return pool.on_ray(sweep.run, tasks, None if ray == "local" else ray, retries, processes)
+    return pool.in_processes(sweep.run, tasks, processes, retries, tqdm.write)
+
+
+def _follow(running: "Iterator[Finished]", total: int) -> "tuple[Table, list[str]]":
+    from tqdm import tqdm
+
+    from dntorch.runs.sweep import name_of
+
+    rows: Table = []
     failed: list[str] = []
     try:
         with closing(running), tqdm(total=total, unit="run") as bar:
             for finished in running:
                 rows += finished.result or []
                 if finished.error:
-                    names = map(sweeps.name_of, finished.task.configs)
+                    names = map(name_of, finished.task.configs)
                     failed += [f"{name}: {finished.error}" for name in names]
                 bar.update(len(finished.task.configs))
                 optimal = sum(one["optimal_at_end"] for one in rows)
                 bar.set_postfix(optimal=optimal, failed=len(failed))
     except KeyboardInterrupt:
-        click.echo(f"stopped with {len(rows)} of {total} runs finished; the same command goes on "
-                   "with the others", err=True)  # fmt: skip
+        finished = f"stopped with {len(rows)} of {total} runs finished"
+        click.echo(f"{finished}; the same command goes on with the others", err=True)
         raise
     return rows, failed
 
@@ -128,9 +157,9 @@ def _seeds(text: str) -> list[int]:
 
 def _setting(text: str) -> tuple[str, list[Any]]:
     name, _, values = text.partition("=")
-    kind = type(getattr(Config, name, ""))
+    kind = FIELDS[name].type if name in FIELDS else str
     try:
         return name, [kind(value) for value in values.split(",")]
     except ValueError:
-        raise ValueError(f"--set {text}: {name} is a {kind.__name__}, such as "
-                         f"{getattr(Config, name)}") from None  # fmt: skip
+        example = f"give {WORDS[kind]}, such as {FIELDS[name].default}"
+        raise ValueError(f"--set {text}: {example}") from None

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from dntorch.commands.common import refuse_options
-from dntorch.envs.task import NOTHING
-from dntorch.runs.config import Config
 
 if TYPE_CHECKING:
     from dntorch.robot.clock import Clock
     from dntorch.robot.driver import Driver
     from dntorch.robot.emulated.emulator import Emulator
     from dntorch.robot.emulated.servers import Server
+    from dntorch.runs.config import Config
 
 PROTOCOL = click.option(
     "--protocol", type=click.Choice(("wifi", "sercom", "sercom2")), default="wifi",
@@ -68,10 +67,11 @@ def options_of_target(command):
 
 @contextmanager
 def open_target(
-    context: click.Context, config: Config, *, connect: str | None, protocol: str, virtual: bool,
+    context: click.Context, config: "Config", *, connect: str | None, protocol: str, virtual: bool,
     reconnect: bool = False, **emulation: Any,
 ) -> Iterator[Target]:  # fmt: skip
     """The robot that was named, or an emulator that lives as long as it is driven."""
+    from dntorch.envs.task import NOTHING
     from dntorch.robot.clock import RealClock, VirtualClock
     from dntorch.robot.dialects import DIALECTS
     from dntorch.robot.driver import Driver

@@ -19,9 +19,9 @@ from dntorch.robot.driver import Driver
 from dntorch.robot.emulated.emulator import Emulator
 from dntorch.robot.emulated.servers import MemoryServer
 from dntorch.robot.safety import Limits
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import senses_of
+from dntorch.runs.config import Config
 from dntorch.runs.run import load_trained
-from dntorch.runs.config import Config, senses_of
 from dntorch.runs.train import CHECKPOINT
 
 

@@ -1,43 +1,59 @@
 """Worlds in which colours are found: the task, and the e-puck in its ring of blocks.
 
 The task and the abstract world need PyTorch alone; the e-puck needs Gymnasium and PyBullet, which
-``pip install 'dntorch[sim]'`` brings. Importing this package registers
-``dntorch/EPuck-v0`` where Gymnasium is installed.
+``pip install 'dntorch[sim]'`` brings. Each name is imported when it is first asked for.
+``dntorch/EPuck-v0`` is registered where Gymnasium is installed.
 """
 
-from importlib import import_module
-from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
-from dntorch.envs.nodes import NodesState, NodesWorld
-from dntorch.envs.task import NOTHING, SequenceTask, TaskState
-from dntorch.envs.world import Outcome, World
+from dntorch.envs.registration import register, register_in_time
+from dntorch.lazy import later
 
-#: What needs NumPy, Gymnasium or PyBullet is imported when it is first asked for.
-_LATER = {
-    "EPuckEnv": "epuck", "HardwareEnv": "hardware", "Judge": "judge", "Light": "layout",
-    "Ring": "layout",
-}  # fmt: skip
+if TYPE_CHECKING:
+    from dntorch.envs.adaptor import GymWorld
+    from dntorch.envs.epuck import EPuckEnv
+    from dntorch.envs.hardware import HardwareEnv
+    from dntorch.envs.judge import Judge
+    from dntorch.envs.layout import Light, Ring
+    from dntorch.envs.nodes import NodesState, NodesWorld
+    from dntorch.envs.task import NOTHING, SequenceTask, TaskState
+    from dntorch.envs.world import Outcome, World
+else:  # the same, later
+    __getattr__, __dir__ = later(
+        __name__,
+        {
+            "EPuckEnv": "epuck",
+            "GymWorld": "adaptor",
+            "HardwareEnv": "hardware",
+            "Judge": "judge",
+            "Light": "layout",
+            "NOTHING": "task",
+            "NodesState": "nodes",
+            "NodesWorld": "nodes",
+            "Outcome": "world",
+            "Ring": "layout",
+            "SequenceTask": "task",
+            "TaskState": "task",
+            "World": "world",
+        },
+    )
 
 __all__ = [
-    "NOTHING", "NodesState", "NodesWorld", "Outcome", "SequenceTask", "TaskState", "World",
-    "register", *_LATER,
-]  # fmt: skip
+    "NOTHING",
+    "EPuckEnv",
+    "GymWorld",
+    "HardwareEnv",
+    "Judge",
+    "Light",
+    "NodesState",
+    "NodesWorld",
+    "Outcome",
+    "Ring",
+    "SequenceTask",
+    "TaskState",
+    "World",
+    "register",
+]
 
-
-def register() -> None:
-    """Make ``dntorch/EPuck-v0`` known to ``gymnasium.make``; harmless twice."""
-    if find_spec("gymnasium") is None:
-        return
-    import gymnasium
-
-    if "dntorch/EPuck-v0" not in gymnasium.registry:
-        gymnasium.register("dntorch/EPuck-v0", entry_point="dntorch.envs.epuck:EPuckEnv")
-
-
-def __getattr__(name: str) -> object:
-    if name not in _LATER:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"dntorch.envs.{_LATER[name]}"), name)
-
-
-register()
+register_in_time()

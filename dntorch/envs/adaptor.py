@@ -36,6 +36,11 @@ class GymWorld(World[GymState]):
         self.senses = tuple(env.observation_space)
         self._steps = 0
 
+    @property
+    def actions(self) -> tuple[int, float, float]:
+        space = self.env.action_space
+        return space.shape[0], float(space.low[0]), float(space.high[0])
+
     def initial(
         self, batch: tuple[int, ...] = (), seed: int | Tensor = 0, agents: int | Tensor = 0
     ) -> GymState:

@@ -85,6 +85,10 @@ class NodesWorld(World[NodesState]):
         self.shortest, self.longest = shortest / dt, longest / dt
         self.dwell, self.linger = round(dwell / dt), round(linger / dt)
 
+    @property
+    def actions(self) -> tuple[int, float, float]:
+        return self.n, 0.0, 1.0
+
     def initial(
         self, batch: tuple[int, ...] = (), seed: int | Tensor = 0, agents: int | Tensor = 0
     ) -> NodesState:
@@ -132,6 +136,10 @@ class NodesWorld(World[NodesState]):
         reward, completed, task = self.task.step(found, state.task)
         observation = {"match": self._match(state, intention.dtype)}
         return Outcome(observation, reward, found, completed), state._replace(task=task)
+
+    def again(self, first: NodesState, last: NodesState) -> NodesState:
+        """Visits are counted on, so that the durations are others."""
+        return self.provide(first._replace(visits=last.visits))
 
     def due(self, state: NodesState, steps: int = AHEAD // 2) -> bool:
         return bool((state.visits + steps - state.first >= AHEAD).any())

@@ -12,13 +12,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.colors import PAPER, SEQUENCE, indices
+from dntorch.colors import PAPER, REWARD, REWARD_DURATION, SEQUENCE, indices
 
 NOTHING = -1
 """What ``found`` holds for an agent that found nothing in this step."""
-
-REWARD, REWARD_DURATION = 2.0, 1.0
-"""Size of the reward signal, and its length in s, unless a run says otherwise."""
 
 
 class TaskState(NamedTuple):

@@ -42,6 +42,11 @@ class World(Generic[S]):
     task: SequenceTask
 
     @property
+    def actions(self) -> tuple[int, float, float]:
+        """How many numbers an action has, the smallest and the largest."""
+        raise NotImplementedError
+
+    @property
     def n(self) -> int:
         """Number of colours, and of behaviours that find them."""
         return len(self.task.colors)
@@ -56,6 +61,10 @@ class World(Generic[S]):
 
     def step(self, action: Tensor, state: S) -> tuple[Outcome, S]:
         raise NotImplementedError
+
+    def again(self, first: S, last: S) -> S:
+        """A new episode that begins in ``first``, after one that ended in ``last``."""
+        return first
 
     def provide(self, state: S) -> S:
         """The same state with chance drawn ahead, for those who compile `step`.

@@ -14,7 +14,8 @@ from dntorch.paper.predictions import predictions
 from dntorch.paper.runs import Runs
 from dntorch.paper.success import Success, needed_rewards, proportion, success
 from dntorch.paper.theory import Theory, theory
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.record import LOOK_BACK
 from dntorch.runs.run import Trial
 

@@ -7,8 +7,8 @@ import numpy as np
 from dntorch.paper.runs import runs_from_events
 from dntorch.paper.statistics import wilson
 from dntorch.paper.success import needed_rewards, success
-from dntorch.runs.jobs import Job
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.group import Group
 from dntorch.runs.jobs import Job
 

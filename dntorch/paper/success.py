@@ -9,7 +9,8 @@ from dntorch.envs.task import SequenceTask
 from dntorch.paper.discrete import executes
 from dntorch.paper.runs import Runs
 from dntorch.paper.statistics import summary, wilson
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.record import LOOK_BACK, enough
 
 

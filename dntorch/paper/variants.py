@@ -17,7 +17,8 @@ from dntorch.modules.node import NodeState, NodeWTA
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.modules.value import ValueNodes
 from dntorch.number import wide
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 
 
 class SingleItem(Learner):

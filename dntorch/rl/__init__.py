@@ -4,11 +4,17 @@
 inside the forward of its policy, and any collector that runs it is a training loop.
 """
 
-from dntorch.rl.envs import NodesEnv, transformed, wrap
+from dntorch.rl.envs import WorldEnv, transformed, wrap
 from dntorch.rl.policy import AgentPolicy
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
 
 __all__ = [
-    "AgentPolicy", "AgentPrimer", "LastReward", "NodesEnv", "Report", "Resumable",
-    "transformed", "wrap",
+    "AgentPolicy",
+    "AgentPrimer",
+    "LastReward",
+    "Report",
+    "Resumable",
+    "WorldEnv",
+    "transformed",
+    "wrap",
 ]  # fmt: skip

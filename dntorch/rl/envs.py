@@ -10,49 +10,69 @@ from torchrl.data import Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase, GymWrapper, InitTracker, TransformedEnv
 from torchrl.envs.gym_like import default_info_dict_reader
 
-from dntorch.envs.nodes import NodesWorld
+from dntorch.envs.task import NOTHING
+from dntorch.envs.world import World, individuals
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
 
 
-class NodesEnv(EnvBase):
-    """The abstract world, natively batched: one agent in each member of the batch.
+class WorldEnv(EnvBase):
+    """Any pure world of tensors, natively batched: one agent in each member of the batch.
 
-    ========  ==================  ===========================================================
-    key       shape, dtype        meaning
-    ========  ==================  ===========================================================
-    action    ``(*batch, n)``     firing rate of each intention
-    match     ``(*batch, n)``     match of each condition of satisfaction
-    found     ``(*batch,)`` int64  colour found in this step, or -1
-    completed ``(*batch,)`` bool  the sequence was completed in this step
-    reward    ``(*batch, 1)``
-    ========  ==================  ===========================================================
+    ============  ==================  =======================================================
+    key           shape, dtype        meaning
+    ============  ==================  =======================================================
+    action        ``(*batch, k)``     as the world wants it: intentions, or wheel speeds
+    *its senses*  ``(*batch, ...)``   ``match``, ``image``, ``wheels``, ``proximity``
+    found         ``(*batch,)`` int64  colour found in this step, or -1
+    completed     ``(*batch,)`` bool  the sequence was completed in this step
+    reward        ``(*batch, 1)``
+    ============  ==================  =======================================================
 
-    It never ends; for episodes insert TorchRL's ``StepCounter``. Durations are drawn for
-    (seed, agent, number of the visit), and visits are counted on over resets:
-    ``set_seed`` begins again.
+    It never ends; for episodes insert TorchRL's ``StepCounter``. What a new episode has of the
+    last one says ``world.again``; ``set_seed`` begins again.
+
+    Args:
+        world: such as `NodesWorld` or `RingWorld`.
+        batch: of the agents; by default that of ``seed`` and ``agents``.
+        seed, agents: of each agent, int or ``(*batch,)``, as in ``world.initial``.
+        device: of all tensors.
     """
 
-    def __init__(self, world: NodesWorld | None = None) -> None:
-        self.world = world or NodesWorld()
-        batch, n = self.world.agents.shape, self.world.n
-        super().__init__(batch_size=batch)
-        self.state = self.world.initial()
-        rate = Bounded(0.0, 1.0, (*batch, n), dtype=torch.float32)
-        self.action_spec = rate
+    def __init__(
+        self,
+        world: World,
+        batch: tuple[int, ...] = (),
+        seed: int | Tensor = 0,
+        agents: int | Tensor = 0,
+        device: torch.device | str = "cpu",
+    ) -> None:
+        if not world.pure:
+            raise ValueError(f"world={type(world).__name__} is no pure world: use wrap(env)")
+        seed, agents = individuals(batch, seed, agents)
+        super().__init__(batch_size=agents.shape, device=torch.device(device))
+        self.world, self.seeds, self.agents = world, seed.to(device), agents.to(device)
+        self.state = self._first()
+        batch, (count, low, high) = tuple(agents.shape), world.actions
+        self.action_spec = Bounded(low, high, (*batch, count), device, torch.float32)
+        shown = {name: _seen(value) for name, value in world.observe(self.state).items()}
         self.observation_spec = Composite(
-            match=rate.clone(),
-            found=Bounded(-1, n - 1, batch, dtype=torch.int64),
+            **shown,
+            found=Bounded(-1, world.n - 1, batch, device, torch.int64),
             completed=_flag(batch),
             shape=batch,
+            device=device,
         )
-        self.reward_spec = Unbounded((*batch, 1))
+        self.reward_spec = Unbounded((*batch, 1), device=device)
 
-    def _show(self, match: Tensor, found: Tensor, completed: Tensor, **others) -> TensorDict:
-        content = {"match": match, "found": found, "completed": completed, **others}
-        return TensorDict(content, batch_size=self.batch_size)
+    def _first(self) -> Any:
+        return self.world.initial(tuple(self.agents.shape), self.seeds, self.agents)
+
+    def _show(self, seen: dict[str, Tensor], found: Tensor, completed: Tensor, **others):
+        content = {**seen, "found": found, "completed": completed, **others}
+        return TensorDict(content, batch_size=self.batch_size, device=self.device)
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDictBase:
-        fresh = self.world.initial()._replace(visits=self.state.visits)
+        fresh = self.world.again(self._first(), self.state)
         mask = None if tensordict is None else tensordict.get("_reset", None)
         if mask is not None:
             where = mask.squeeze(-1)
@@ -64,30 +84,39 @@ class NodesEnv(EnvBase):
 
             fresh = pytree.tree_map(pick, fresh, self.state)
         self.state = fresh
-        match = self.observation_spec["match"].zero()
-        return self._show(match, self.state.target.clone().fill_(-1), match[..., 0] > 0)
+        nothing = torch.full_like(self.agents, NOTHING)
+        return self._show(self.world.observe(fresh), nothing, nothing > 0)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        step, self.state = self.world.step(tensordict.get("action"), self.state)
-        never = torch.zeros((*self.batch_size, 1), dtype=torch.bool)
+        outcome, self.state = self.world.step(tensordict.get("action"), self.state)
+        never = torch.zeros((*self.batch_size, 1), dtype=torch.bool, device=self.device)
         return self._show(
-            step.observation["match"], step.found, step.completed,
-            reward=step.reward.unsqueeze(-1), done=never, terminated=never.clone(),
-        )  # fmt: skip
+            outcome.observation,
+            outcome.found,
+            outcome.completed,
+            reward=outcome.reward.unsqueeze(-1),
+            done=never,
+            terminated=never.clone(),
+        )
 
     def _set_seed(self, seed: int | None) -> None:
         if seed is not None:
-            self.world.seed = seed
-        self.state = self.world.initial()
+            self.seeds = torch.full_like(self.seeds, seed)
+        self.state = self._first()
 
     def state_dict(self, *_: Any, **__: Any) -> dict[str, Any]:
         """A snapshot of the world."""
-        return {"seed": self.world.seed, "state": pytree.tree_leaves(self.state)}
+        return {"seeds": self.seeds, "state": self.world.snapshot(self.state)}
 
     def load_state_dict(self, state: dict[str, Any], *_: Any, **__: Any) -> None:
-        self.world.seed = state["seed"]
-        structure = pytree.tree_structure(self.state)
-        self.state = pytree.tree_unflatten(state["state"], structure)
+        self.seeds = state["seeds"]
+        self.state = self.world.restore(state["state"], self.state)
+
+
+def _seen(value: Tensor) -> Unbounded | Bounded:
+    if value.dtype == torch.uint8:
+        return Bounded(0, 255, value.shape, value.device, torch.uint8)
+    return Unbounded(value.shape, value.device, value.dtype)
 
 
 def _flag(batch: tuple[int, ...] = ()) -> Categorical:
@@ -108,7 +137,7 @@ def wrap(env: Any, primer: AgentPrimer | None = None, **info: Any) -> Transforme
 
 
 def transformed(env: EnvBase, primer: AgentPrimer | None = None) -> TransformedEnv:
-    """A TorchRL env, such as `NodesEnv`, with what `AgentPolicy` needs.
+    """A TorchRL env, such as `WorldEnv`, with what `AgentPolicy` needs.
 
     ``primer``, of ``policy.primer()``, carries the state of an agent in the tensordict.
     """

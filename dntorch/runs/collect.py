@@ -7,10 +7,10 @@ from torch import Tensor
 from torchrl.data import Categorical, Unbounded
 from torchrl.envs import TransformedEnv
 
-from dntorch.envs.nodes import NodesWorld
-from dntorch.rl import AgentPrimer, NodesEnv, transformed, wrap
-from dntorch.runs.config import Config, senses_of
-from dntorch.runs.worlds import build_epuck, build_task
+from dntorch.rl import AgentPrimer, WorldEnv, transformed, wrap
+from dntorch.runs.build import senses_of
+from dntorch.runs.config import Config
+from dntorch.runs.worlds import build_world
 
 
 def collected(
@@ -33,14 +33,12 @@ def collected(
     Raises:
         ValueError: senses that the world does not have; agents in a world for one agent.
     """
-    if config.world == "nodes":
-        if senses is not None and tuple(senses) != ("match",):
-            raise ValueError(f"senses={tuple(senses)}: this world shows ('match',), leave it out")
-        world = NodesWorld(build_task(config), config.seed, 0 if agents is None else agents)
-        return transformed(NodesEnv(world), primer)
+    senses = senses_of(config) if senses is None else tuple(senses)
+    world = build_world(config, senses)
+    if world.pure:
+        numbers = torch.as_tensor(0 if agents is None else agents)
+        return transformed(WorldEnv(world, seed=config.seed, agents=numbers), primer)
     if agents is not None:
         raise ValueError(f"agents={agents}: world={config.world!r} is for one agent, leave it out")
-    senses = senses_of(config) if senses is None else senses
-    env = build_epuck(config, layout_seed=config.seed, senses=tuple(senses))
     flag = Categorical(2, shape=(), dtype=torch.bool)
-    return wrap(env, primer, found=Unbounded((), dtype=torch.int64), completed=flag)
+    return wrap(world.env, primer, found=Unbounded((), dtype=torch.int64), completed=flag)

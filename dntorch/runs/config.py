@@ -1,21 +1,32 @@
-"""One run, as numbers: which world, which task, how long, with which parameters."""
+"""One run, as numbers: which world, which task, how long, with which parameters.
+
+Imports no PyTorch: the command line makes its options of these fields.
+"""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from dntorch.body import EPUCK
-from dntorch.cells.integrators import check_integrator
-from dntorch.checks import check_time_constant
-from dntorch.colors import PAPER, SEQUENCE, check_colors, check_sequence
-from dntorch.envs.task import REWARD, REWARD_DURATION
-from dntorch.modules.find_color import FindColor
-from dntorch.modules.hebbian import HebbianQ
-from dntorch.modules.learner import Learner
-from dntorch.modules.sarsa import DNSarsa
-from dntorch.modules.working_memory import ItemOrderWM
-from dntorch.noise import Exploration
+from dntorch.cells.integrators import INTEGRATORS, check_integrator
+from dntorch.colors import (
+    HUES,
+    PAPER,
+    REWARD,
+    REWARD_DURATION,
+    SEQUENCE,
+    check_colors,
+    check_sequence,
+)
+from dntorch.runs.worlds import WORLDS
 
-WORLDS = ("epuck", "nodes")
+
+def _setting(default: Any, text: str, choices: tuple[str, ...] = ()) -> Any:
+    """A field: its default, what it is in the words of ``--help``, and what it may be."""
+    return field(default=default, metadata={"help": text, "choices": choices})
+
+
+TEXT = "; ".join(f"{name}: {row.text}" for name, row in WORLDS.items()) + "."
 
 
 @dataclass(frozen=True)
@@ -26,46 +37,43 @@ class Config:
         ValueError: a value that makes no run; the sentence says what to give.
     """
 
-    world: str = "epuck"
-    """``epuck``, the PyBullet world, or ``nodes``, the abstract one"""
-    seed: int = 0
-    """of layout, exploration and durations"""
-    explore: int = 50_000
-    """control steps of exploration, as in the paper"""
-    steps: int = 100_000
-    """control steps in all; the rest is exploitation"""
-    sequence: str = SEQUENCE
-    colors: str = PAPER
-    dt: float = 1 / 32
-    """s, a control step"""
-    substeps: int = 1
-    """integrator steps in a control step"""
-    integrator: str = "euler"
-    learning_rate: float = 0.06
-    """1/s"""
-    trace_tau: float = 1.0
-    """s, time constant of the item-and-order memory"""
-    reward: float = REWARD
-    """size of the reward signal"""
-    reward_duration: float = REWARD_DURATION
-    """s, its length"""
-    noise: float = 10.0
-    """amplitude of exploration on the value weights"""
-    width: int = EPUCK.width
-    """px, of the camera image"""
-    height: int = EPUCK.height
-    """px"""
+    world: str = _setting("epuck", TEXT, tuple(WORLDS))
+    seed: int = _setting(0, "Of layout, exploration and durations.")
+    explore: int = _setting(50_000, "Control steps of exploration.")
+    steps: int = _setting(100_000, "Control steps in all; the rest is exploitation.")
+    sequence: str = _setting(SEQUENCE, "Colours that are rewarded in this order.")
+    colors: str = _setting(PAPER, f"Colours to look for, of {''.join(HUES)}.")
+    dt: float = _setting(1 / 32, "Duration of a control step, s.")
+    substeps: int = _setting(1, "Integrator steps per control step.")
+    integrator: str = _setting("euler", "Of the neural dynamics.", INTEGRATORS)
+    learning_rate: float = _setting(0.06, "Of the values, 1/s.")
+    trace_tau: float = _setting(1.0, "Time constant of the item-and-order memory, s.")
+    reward: float = _setting(REWARD, "Size of the reward signal.")
+    reward_duration: float = _setting(REWARD_DURATION, "Length of the reward signal, s.")
+    noise: float = _setting(10.0, "Amplitude of exploration on the values.")
+    width: int = _setting(EPUCK.width, "Columns of the camera image.")
+    height: int = _setting(EPUCK.height, "Rows of the camera image.")
 
     def __post_init__(self) -> None:
+        from dntorch.checks import check_time_constant  # imports PyTorch
+
         if self.world not in WORLDS:
             raise ValueError(f"world={self.world!r}: choose from {', '.join(WORLDS)}")
         check_sequence(self.sequence, check_colors(self.colors))
         check_integrator(self.integrator, self.substeps)
         for name in ("dt", "learning_rate", "trace_tau", "reward_duration", "noise"):
             if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name}={getattr(self, name)} must be positive and finite")
+                raise ValueError(
+                    f"{name}={getattr(self, name)} must be positive and finite: give a number "
+                    "above 0"
+                )
         if not math.isfinite(self.reward):
             raise ValueError(f"reward={self.reward} is not finite: give a number")
+        if self.reward_duration < self.dt:
+            raise ValueError(
+                f"reward_duration={self.reward_duration} is shorter than a control step: give at "
+                f"least dt={self.dt}"
+            )
         check_time_constant("trace_tau", self.trace_tau, self.fine)
         if not 0 <= self.seed < 2**32:
             raise ValueError(f"seed={self.seed}: give a whole number from 0 to {2**32 - 1}")
@@ -83,32 +91,3 @@ class Config:
     def fine(self) -> float:
         """Seconds an integrator step."""
         return self.dt / self.substeps
-
-
-def build_agent(config: Config) -> DNSarsa:
-    """The agent of a run, without batch, at rest, knowing nothing."""
-    n, dt = len(config.colors), config.fine
-    camera = config.world == "epuck"
-    return DNSarsa(
-        n,
-        sensorimotor=FindColor(config.colors, dt=dt) if camera else None,
-        learner=Learner(
-            n,
-            trace=ItemOrderWM(n, tau=config.trace_tau, dt=dt),
-            values=HebbianQ(n, learning_rate=config.learning_rate, dt=dt),
-            dt=dt,
-        ),
-        dt=config.dt,
-        substeps=config.substeps,
-        integrator=config.integrator,
-    )
-
-
-def senses_of(config: Config) -> tuple[str, ...]:
-    """What the agent of a run reads, and so what its world shows it."""
-    return build_agent(config).senses
-
-
-def build_exploration(config: Config) -> Exploration:
-    """The noise of a run while it explores."""
-    return Exploration(len(config.colors), config.seed, amplitude=config.noise)

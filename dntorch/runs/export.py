@@ -15,9 +15,10 @@ from dntorch.export.boundary import Boundary
 from dntorch.export.golden import Golden
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.process import commit
-from dntorch.runs.config import Config, build_exploration
+from dntorch.runs.build import build_exploration
+from dntorch.runs.config import Config
+from dntorch.runs.run import load_trained
 from dntorch.runs.train import CHECKPOINT
-from dntorch.runs.trial import load_trained
 from dntorch.runs.worlds import build_world
 
 
@@ -69,12 +70,14 @@ class Responding:
     """
 
     def __init__(self, config: Config, senses: tuple[str, ...]) -> None:
-        self.world, self.found, self.rewards = build_world(config, senses), [], 0
+        self.world, self.seed = build_world(config, senses), config.seed
+        self.found, self.rewards = [], 0
 
     def __call__(self, action: Tensor | None) -> tuple[dict[str, Tensor], Tensor]:
         if action is None:
-            return self.world.reset(), torch.zeros(())
-        outcome = self.world.step(action)
+            self.state = self.world.initial(seed=self.seed)
+            return self.world.observe(self.state), torch.zeros(())
+        outcome, self.state = self.world.step(action, self.state)
         self.found += [int(outcome.found)] if outcome.found != NOTHING else []
         self.rewards += int(outcome.completed)
         return outcome.observation, outcome.reward

@@ -10,7 +10,8 @@ from torch import Tensor
 from dntorch.envs.task import SequenceTask
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.noise import Exploration
-from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.build import build_agent, build_exploration
+from dntorch.runs.config import Config
 from dntorch.runs.worlds import build_task
 
 #: Where a number of a config lies within an agent; others are of its task or its exploration.
@@ -103,9 +104,7 @@ class Group:
     def build_task(self) -> SequenceTask:
         return build_task(self.config)
 
-    def individualize(
-        self, agent: DNSarsa, task: SequenceTask, exploration: Exploration
-    ) -> None:
+    def individualize(self, agent: DNSarsa, task: SequenceTask, exploration: Exploration) -> None:
         """Give each agent of a batch, and the world it lives in, numbers of its own."""
         dtype, device = agent.weights.dtype, agent.weights.device
         for path, values in self.parameters.items():

@@ -68,9 +68,7 @@ def work(piece: Piece, report: Report) -> None:
         run.close()
         description = np.array(group.description())
         events = run.memory.joined()
-        files.write_atomically(
-            piece.done, lambda file: np.savez(file, group=description, **events)
-        )
+        files.write_atomically(piece.done, lambda file: np.savez(file, group=description, **events))
     report(group.config.steps)
 
 

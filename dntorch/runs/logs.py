@@ -2,13 +2,15 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from dntorch.runs.run import Trial
+if TYPE_CHECKING:
+    from dntorch.runs.run import Trial
 
 LOGGERS = ("csv", "tensorboard")
 
 
-def open_log(kind: str, folder: Path) -> Callable[[Trial], None]:
+def open_log(kind: str, folder: Path) -> "Callable[[Trial], None]":
     """A function that logs where a trial stands, by control step, below ``folder/log``.
 
     =================  ===========================================================
@@ -28,7 +30,7 @@ def open_log(kind: str, folder: Path) -> Callable[[Trial], None]:
     except ImportError as error:
         raise ImportError(f"--log {kind}: {error}: run pip install 'dntorch[rl]'") from error
 
-    def log(trial: Trial) -> None:
+    def log(trial: "Trial") -> None:
         record = trial.record
         scalars = {
             "behaviors": len(record.behaviors),

@@ -8,13 +8,14 @@ import torch
 from torch.utils import _pytree as pytree
 
 from dntorch import files
-from dntorch.runs.config import Config, build_agent
+from dntorch.modules.sarsa import DNSarsa
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.engine import Engine
 from dntorch.runs.events import Events
 from dntorch.runs.group import Group
 from dntorch.runs.record import Record
 from dntorch.runs.worlds import WORLDS, build_world
-from dntorch.modules.sarsa import DNSarsa
 
 
 class Run:
@@ -64,9 +65,7 @@ class Run:
             self.memory = Record(self.config.steps, self.agent.behaviors, batch)
         seeds, agents = (number.to(device) for number in self.group.numbers)
         state = self.world.initial(batch, seeds, agents)
-        self.engine = Engine(
-            self.agent, self.world, exploration, self.memory, state, compiled
-        )
+        self.engine = Engine(self.agent, self.world, exploration, self.memory, state, compiled)
         self.step = 0
 
     @property

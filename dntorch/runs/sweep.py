@@ -20,7 +20,6 @@ from dntorch.runs.pool import Report
 from dntorch.runs.run import Run, Trial
 from dntorch.runs.worlds import WORLDS
 
-
 Table = list[dict[str, Any]]
 
 

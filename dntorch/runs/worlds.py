@@ -50,7 +50,7 @@ def _nodes(config: Config, senses: Senses) -> World:
 def _epuck(config: Config, senses: Senses) -> World:
     from dntorch.envs.adaptor import GymWorld
 
-    return GymWorld(_epuck_env(config, senses=senses))
+    return GymWorld(_epuck_env(config, senses=senses, layout_seed=config.seed))
 
 
 def _epuck_env(config: Config, **others) -> gymnasium.Env:

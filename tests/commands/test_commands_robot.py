@@ -23,7 +23,8 @@ from dntorch.robot.clock import RealClock
 from dntorch.robot.emulated.emulator import Emulator
 from dntorch.robot.emulated.firmware import WifiFirmware
 from dntorch.robot.emulated.servers import TcpServer
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 
 CLIENT = Path(__file__).parents[1] / "robot" / "third_party_client.py"
 COMMAND = [sys.executable, "-m", "dntorch.cli"]

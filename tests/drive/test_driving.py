@@ -14,7 +14,8 @@ from dntorch.robot.clock import VirtualClock
 from dntorch.robot.dialects import Sercom, Sercom2, Wifi
 from dntorch.robot.driver import Driver
 from dntorch.robot.emulated.servers import MemoryServer
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 
 
 def test_what_came_on_is_reported_not_what_is_strongest():

@@ -11,8 +11,8 @@ import pytest
 import torch
 
 from dntorch.runs.config import Config
-from dntorch.runs.run import Trial
 from dntorch.runs.export import export_run
+from dntorch.runs.run import Trial
 
 ROOT = Path(__file__).parents[2]
 

@@ -24,7 +24,8 @@ def test_the_core_needs_torch_alone():
     program = (
         "import sys, torch\n"
         f"sys.modules.update(dict.fromkeys({MISSING!r}))\n"
-        "import dntorch, dntorch.body"
+        "import dntorch, dntorch.body\n"
+        "for name in dntorch.__all__: getattr(dntorch, name)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -58,7 +59,8 @@ def test_what_is_a_colour_is_said_once():
 
 
 def test_the_agent_of_a_run_is_the_agent_that_a_user_builds():
-    from dntorch.runs.config import Config, build_agent, build_exploration
+    from dntorch.runs.build import build_agent, build_exploration
+    from dntorch.runs.config import Config
 
     config = Config()
     run, own = build_agent(config), DNSarsa(4, FindColor("RGBY"))

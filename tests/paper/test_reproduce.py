@@ -22,7 +22,8 @@ from dntorch.paper.figures import draw
 from dntorch.paper.populations import Population
 from dntorch.paper.reproduce import reproduce
 from dntorch.paper.variants import VARIANTS
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.group import Group
 from dntorch.runs.jobs import Job, run_groups
 from dntorch.runs.run import Run, Trial

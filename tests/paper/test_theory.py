@@ -9,7 +9,8 @@ from dntorch.modules.transient import TPCell
 from dntorch.modules.working_memory import ItemOrderWM
 from dntorch.paper.comparison import reference
 from dntorch.paper.theory import Theory, pulse_above, theory
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 
 
 def expected(learner: Learner | None = None, gap: float = 0.5, **reward) -> Theory:

@@ -13,8 +13,9 @@ from torchrl.envs import EnvBase, StepCounter, check_env_specs
 from dntorch import DNSarsa, Exploration, files
 from dntorch.cells.working_memory import WorkingMemoryState
 from dntorch.rl import AgentPolicy, AgentPrimer, wrap
+from dntorch.runs.build import build_agent, build_exploration
 from dntorch.runs.collect import collected
-from dntorch.runs.config import Config, build_agent, build_exploration
+from dntorch.runs.config import Config
 from dntorch.runs.run import Trial
 
 FORMS = pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tensordict"])

@@ -17,7 +17,6 @@ import pytest
 import torch
 from click.testing import CliRunner
 
-from dntorch import files
 from dntorch.commands.sweep import sweep as command
 from dntorch.runs import pool, sweep, table, train
 from dntorch.runs.config import Config
@@ -241,7 +240,7 @@ def test_slurm_jobs_are_the_same_runs(tmp_path: Path) -> None:
     [
         (["--seeds", "a-b"], ["--seeds='a-b'", "such as 0-9"]),
         (["--set", "color=1"], ["'color' cannot be set", "learning_rate"]),
-        (["--set", "steps=many"], ["steps is a int", "100000"]),
+        (["--set", "steps=many"], ["steps=many", "give a whole number", "100000"]),
         (["--set", "steps=10"], ["explore=50000", "steps=10"]),
         (["--batch", "4"], ["batch=4", "leave it out"]),
         (["--seeds", "1,1"], ["seed1", "twice"]),

@@ -14,7 +14,8 @@ import torch
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
 
-from dntorch.runs.config import Config, build_agent
+from dntorch.runs.build import build_agent
+from dntorch.runs.config import Config
 from dntorch.runs.record import Record
 from dntorch.show import figures
 from dntorch.show.report import write_report

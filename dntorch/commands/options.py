@@ -1,0 +1,76 @@
+"""Options that are made from the fields of `Config`."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import Field
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dntorch.runs.config import Config
+from dntorch.runs.settings import FIELDS, read_settings
+
+
+def options_of_a_run(without: tuple[str, ...] = (), **defaults: Any) -> Callable:
+    """Decorate a command with ``--config`` and an option for each field of `Config`.
+
+    Args:
+        without: fields that are no option of the command.
+        defaults: of the command, where they differ from those of `Config`.
+    """
+
+    def decorate(function: Callable) -> Callable:
+        for name, field in reversed(FIELDS.items()):
+            if name not in without:
+                function = _option(field, defaults.get(name, field.default))(function)
+        return _FILE(function)
+
+    return decorate
+
+
+def build_config(file: Path | None, values: Mapping[str, Any]) -> Config:
+    """The config of a run whose options came from the command line and from ``file``."""
+    try:
+        return Config(**values)
+    except ValueError as error:
+        if file is None:
+            raise
+        raise ValueError(f"{error} (with --config {file})") from error
+
+
+def spelled(config: Config, **defaults: Any) -> str:
+    """The options that make ``config`` in a command with these defaults.
+
+    >>> spelled(Config(noise=5.0, world="nodes"), world="nodes")
+    '--noise 5.0'
+    """
+    usual = vars(Config()) | defaults
+    given = {name: value for name, value in vars(config).items() if value != usual[name]}
+    return " ".join(f"--{name.replace('_', '-')} {value}" for name, value in given.items())
+
+
+def _option(field: Field, default: Any) -> Callable:
+    choices = field.metadata["choices"]
+    return click.option(
+        "--" + field.name.replace("_", "-"),
+        type=click.Choice(choices) if choices else field.type,
+        default=default,
+        show_default=True,
+        help=field.metadata["help"],
+    )
+
+
+def _take_defaults(context: click.Context, _: click.Parameter, file: Path | None) -> Path | None:
+    if file is not None:
+        context.default_map = read_settings(file)
+    return file
+
+
+_FILE = click.option(
+    "--config",
+    "file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    is_eager=True,  # before those whose defaults it holds
+    callback=_take_defaults,
+    help="results.json of a run, or a TOML file (noise = 5.0): values of the options below.",
+)
