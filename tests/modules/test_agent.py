@@ -39,13 +39,13 @@ class Record(NamedTuple):
         return (on[1:] & ~on[:-1]).nonzero()[:, 1].tolist()
 
 
-def live(agent, world, steps, explore=True):
+def live(agent, world, steps, explore=True, agents=0):
     """Let an agent live in a world; noise for as long as, and for those who, explore."""
     dtype = agent.origin.dtype
-    noise = Exploration(agent.n, seed=0, agents=world.agents)
+    noise = Exploration(agent.n, seed=0, agents=agents)
     mask = torch.as_tensor(explore, dtype=dtype).unsqueeze(-1).unsqueeze(-1)
     intention = torch.zeros(*agent.decisions.shape, agent.n, dtype=dtype)
-    state, record = world.initial(), []
+    state, record = world.initial(agents=torch.as_tensor(agents)), []
     with torch.no_grad():
         for _ in range(steps):
             seen, state = world.step(intention, state)
@@ -85,7 +85,7 @@ AGENTS, STEPS = 64, 2600
 @pytest.fixture(scope="module")
 def exploration():
     agents = torch.arange(AGENTS)
-    return live(DNSarsa(4).spread(AGENTS), NodesWorld(agents=agents), STEPS)
+    return live(DNSarsa(4).spread(AGENTS), NodesWorld(), STEPS, agents=agents)
 
 
 @pytest.fixture(scope="module")
@@ -146,8 +146,8 @@ def test_an_agent_decides_the_same_alone_and_in_batches_in_single_and_double_pre
     exploration,
 ):
     steps, chosen = 2000, [3, 17, 40]
-    double = live(DNSarsa(4).double().spread(3), NodesWorld(agents=chosen), steps)
-    alone = live(DNSarsa(4), NodesWorld(agents=17), steps)
+    double = live(DNSarsa(4).double().spread(3), NodesWorld(), steps, agents=chosen)
+    alone = live(DNSarsa(4), NodesWorld(), steps, agents=17)
     for k, agent in enumerate(chosen):
         expected = Record(*(part[:steps] for part in exploration)).sequence(agent)
         assert double.sequence(k) == expected and len(expected) > 8
@@ -159,7 +159,7 @@ def test_an_agent_decides_the_same_alone_and_in_batches_in_single_and_double_pre
 def test_other_integrators_take_about_as_many_behaviors(exploration, substeps, integrator):
     steps = 640
     agent = DNSarsa(4, substeps=substeps, integrator=integrator).spread(AGENTS)
-    record = live(agent, NodesWorld(agents=torch.arange(AGENTS)), steps)
+    record = live(agent, NodesWorld(), steps, agents=torch.arange(AGENTS))
     assert_orderly(record)
     expected = exploration.decisions[steps - 1].float().mean()
     assert record.decisions[-1].float().mean() == pytest.approx(float(expected), rel=0.05)
@@ -168,8 +168,8 @@ def test_other_integrators_take_about_as_many_behaviors(exploration, substeps, i
 @pytest.mark.parametrize("n", [2, 3, 6, 8])
 def test_any_number_of_behaviors_keeps_going_with_and_without_noise(n):
     agents, explore = torch.arange(64), torch.arange(64) > 0
-    world = NodesWorld(SequenceTask("RG", LETTERS[:n]), agents=agents, longest=2.0)
-    record = live(DNSarsa(n).spread(64), world, 720, explore)
+    world = NodesWorld(SequenceTask("RG", LETTERS[:n]), longest=2.0)
+    record = live(DNSarsa(n).spread(64), world, 720, explore, agents=agents)
     assert_orderly(record)
     assert record.decisions[-1].min() >= 5
     assert (record.decisions[-1] > record.decisions[-240]).all()
@@ -180,8 +180,8 @@ def test_any_number_of_behaviors_keeps_going_with_and_without_noise(n):
 
 def test_reward_raises_what_came_before_it_the_latest_pair_the_most():
     agents = torch.arange(48)
-    world = NodesWorld(SequenceTask("GB", "RGB"), agents=agents, longest=2.0)
-    record = live(DNSarsa(3).spread(48), world, 24 * SECOND)
+    world = NodesWorld(SequenceTask("GB", "RGB"), longest=2.0)
+    record = live(DNSarsa(3).spread(48), world, 24 * SECOND, agents=agents)
     first = record.completed.int().argmax(0)
     # The very first pair is remembered best, for there was no other: wait until it has faded.
     rewarded = record.completed.any(0) & (record.decisions.gather(0, first[None])[0] >= 4)
@@ -212,22 +212,22 @@ def test_without_learning_values_stay_as_they_are():
     agent.weights.uniform_(0, 1, generator=torch.Generator().manual_seed(0))
     start = agent.weights.clone()
     agent.learn(False)
-    world = NodesWorld(SequenceTask("GB", "RGB"), agents=agents, longest=2.0)
-    record = live(agent, world, 16 * SECOND)
+    world = NodesWorld(SequenceTask("GB", "RGB"), longest=2.0)
+    record = live(agent, world, 16 * SECOND, agents=agents)
     assert record.completed.any()
     assert torch.equal(agent.weights, start)
     agent.learn()
-    assert not torch.equal(live(agent, world, SECOND).weights[-1], start)
+    assert not torch.equal(live(agent, world, SECOND, agents=agents).weights[-1], start)
 
 
 def test_found_sequences_are_executed_after_exploration():
     agents = torch.arange(64)
-    world = NodesWorld(SequenceTask("RGB", "RGBY"), agents=agents, longest=1.5)
+    world = NodesWorld(SequenceTask("RGB", "RGBY"), longest=1.5)
     agent = DNSarsa(4).spread(64)
-    found = live(agent, world, 60 * SECOND).completed.sum(0) >= 2
+    found = live(agent, world, 60 * SECOND, agents=agents).completed.sum(0) >= 2
     assert found.sum() >= 8
     agent.reset()
-    record = live(agent, world, 36 * SECOND, explore=False)
+    record = live(agent, world, 36 * SECOND, explore=False, agents=agents)
     late = record.completed[16 * SECOND :].sum(0)[found]
     print(f"{found.sum()} found, rewards afterwards {late.tolist()}")
     assert (late >= 2).float().mean() > 0.8
@@ -310,7 +310,7 @@ def trained(batch):
 
 def test_one_agent_is_taken_out_of_a_batch():
     agent = trained(5)
-    live(agent, NodesWorld(SequenceTask("GB", "RGB"), agents=torch.arange(5)), SECOND)
+    live(agent, NodesWorld(SequenceTask("GB", "RGB")), SECOND, agents=torch.arange(5))
     one = agent.select(3)
     assert torch.equal(one.weights, agent.weights[3])
     assert one.decisions.shape == () and one.behaviors.intention.u.eq(-5).all()
@@ -331,8 +331,8 @@ def test_values_of_one_are_spread_over_a_batch_that_learns_apart():
     start = agent.weights.clone()
     many = agent.spread(4)
     assert torch.equal(many.weights, start.expand(4, 3, 3))
-    world = NodesWorld(SequenceTask("GB", "RGB"), agents=torch.arange(4), longest=2.0)
-    live(many, world, 8 * SECOND)
+    world = NodesWorld(SequenceTask("GB", "RGB"), longest=2.0)
+    live(many, world, 8 * SECOND, agents=torch.arange(4))
     assert many.weights.unique(dim=0).shape[0] == 4
 
 
@@ -432,13 +432,15 @@ def test_a_sought_color_comes_into_view_is_found_once_and_lingers():
 
 
 def test_durations_fill_their_range_and_belong_to_agent_and_visit():
-    agents = torch.arange(1000)
-    world = NodesWorld(seed=4, agents=agents, shortest=1.5, longest=6.0)
-    seconds = world.draw(torch.ones(1000, dtype=torch.int64)) / SECOND
+    world = NodesWorld(shortest=1.5, longest=6.0)
+    state = world.initial(seed=4, agents=torch.arange(1000))
+    seconds = state.ahead / SECOND
     assert seconds.min() >= 1.5 and seconds.max() <= 6.0
-    assert seconds.mean() == pytest.approx(3.75, abs=0.15)
-    assert world.draw(torch.tensor(1))[7] == NodesWorld(seed=4, agents=7).draw(torch.tensor(1))
-    assert not torch.equal(seconds, world.draw(torch.full((1000,), 2)) / SECOND)
+    assert seconds[:, 1].mean() == pytest.approx(3.75, abs=0.15)
+    assert torch.equal(state.ahead[7], world.initial(seed=4, agents=7).ahead)
+    assert not torch.equal(seconds[:, 1], seconds[:, 2])
+    later = world.provide(state._replace(visits=state.visits + 5))
+    assert torch.equal(later.ahead[:, :9], state.ahead[:, 5:14])
 
 
 @pytest.mark.parametrize(

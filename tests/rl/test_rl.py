@@ -81,7 +81,7 @@ def test_specs(world: str, carried: bool) -> None:
 def test_what_the_world_of_a_run_does_not_have_is_refused() -> None:
     with pytest.raises(ValueError, match=r"agents=2: world='epuck' is for one agent"):
         collected(Config(), agents=2)
-    with pytest.raises(ValueError, match=r"senses=\('image',\): this world shows \('match',\)"):
+    with pytest.raises(ValueError, match=r"senses=\('image',\): 'image' is unknown, give a tuple of \('match',\)"):
         collected(Config(world="nodes"), senses=["image"])
 
 
@@ -298,7 +298,7 @@ def test_a_run_is_logged_with_torchrl(kind: str, tmp_path: Path) -> None:
     from dntorch.runs.train import train
 
     trial, log = Trial(Config(world="nodes", steps=200, explore=200)), open_log(kind, tmp_path)
-    train(trial, tmp_path, progress=lambda trial, steps: log(trial))
+    train(trial, tmp_path / "c.pt", progress=log)
     files = {path.name: path for path in (tmp_path / "log").rglob("*") if path.is_file()}
     if kind == "csv":
         lines = files["behaviors.csv"].read_text().split()
