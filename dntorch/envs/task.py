@@ -7,6 +7,7 @@ what an agent says of itself.
 from __future__ import annotations
 
 import math
+from copy import copy
 from typing import NamedTuple
 
 import torch
@@ -75,11 +76,15 @@ class SequenceTask:
         shifts = range(1, length)
         return next((k for k in shifts if self.sequence[k:] == self.sequence[:-k]), length)
 
+    def to(self, device: torch.device | str | None) -> SequenceTask:
+        """The same task for ``found`` on a device; ``None``: as it is."""
+        moved = copy(self)
+        moved.targets = self.targets.to(device)
+        return moved
+
     def initial(self, batch: tuple[int, ...] = ()) -> TaskState:
-        return TaskState(
-            torch.full((*batch, len(self.sequence)), NOTHING),
-            torch.zeros(batch, dtype=torch.int64),
-        )
+        recent = self.targets.new_full((*batch, len(self.sequence)), NOTHING)
+        return TaskState(recent, self.targets.new_zeros(batch))
 
     def step(self, found: Tensor, state: TaskState) -> tuple[Tensor, Tensor, TaskState]:
         """One control step.
