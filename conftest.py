@@ -28,6 +28,7 @@ os.environ["PYTHONWARNINGS"] = ",".join(["error", *EXEMPT])
 MAY_SKIP = {
     "tests/test_dnfc_data.py": "third-party field runs that are not part of this repository",
     "tests/test_export_cpp.py": "needs a C++ compiler",
+    "tests/test_ring.py": "one test needs a GPU",
     "tests/test_export_executorch.py": "needs dntorch[executorch], which nothing else does",
 }
 

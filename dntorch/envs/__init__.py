@@ -1,26 +1,40 @@
 """Worlds in which colours are found: the task, and the e-puck in its ring of blocks.
 
-The task and the abstract world need PyTorch alone; the e-puck needs Gymnasium and PyBullet, which
-``pip install 'dntorch[sim]'`` brings. Importing this package registers
-``dntorch/EPuck-v0`` where Gymnasium is installed.
+The task, the abstract world and the ring in torch need PyTorch alone (layouts are drawn with
+NumPy); the e-puck in PyBullet needs Gymnasium too: ``pip install 'dntorch[sim]'``.
+Importing this package registers ``dntorch/EPuck-v0`` where Gymnasium is installed.
 """
 
 from importlib import import_module
 from importlib.util import find_spec
 
+from dntorch.envs.judge import Judge
+from dntorch.envs.layout import Light, Ring
 from dntorch.envs.nodes import NodesState, NodesStep, NodesWorld
+from dntorch.envs.ring import RingState, RingWorld
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
+from dntorch.envs.world import Outcome, PureWorld
 
 #: What needs NumPy, Gymnasium or PyBullet is imported when it is first asked for.
-_LATER = {
-    "EPuckEnv": "epuck", "HardwareEnv": "hardware", "Judge": "judge", "Light": "layout",
-    "Ring": "layout",
-}  # fmt: skip
+_LATER = {"EPuckEnv": "epuck", "HardwareEnv": "hardware"}
 
 __all__ = [
-    "NOTHING", "NodesState", "NodesStep", "NodesWorld", "SequenceTask", "TaskState", "register",
+    "NOTHING",
+    "Judge",
+    "Light",
+    "NodesState",
+    "NodesStep",
+    "NodesWorld",
+    "Outcome",
+    "PureWorld",
+    "Ring",
+    "RingState",
+    "RingWorld",
+    "SequenceTask",
+    "TaskState",
+    "register",
     *_LATER,
-]  # fmt: skip
+]
 
 
 def register() -> None:

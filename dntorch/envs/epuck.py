@@ -18,6 +18,7 @@ from dntorch.envs.judge import DWELL, DWELL_RATE, NOTHING, TOLERANCE, Judge, Jud
 from dntorch.envs.layout import DAYLIGHT, Light, Ring
 from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
+from dntorch.envs.senses import SENSES
 from dntorch.envs.spectator import Spectator
 from dntorch.envs.task import REWARD, REWARD_DURATION, SequenceTask, TaskState
 
@@ -95,7 +96,7 @@ class EPuckEnv(gymnasium.Env):
         tolerance: float = TOLERANCE,
         dwell: float = DWELL,
         dwell_rate: float = DWELL_RATE,
-        senses: Sequence[str] = sensors.SENSES,
+        senses: Sequence[str] = SENSES,
         render_mode: str | None = None,
         max_seconds: float | None = None,
     ) -> None:
@@ -197,7 +198,7 @@ class EPuckEnv(gymnasium.Env):
             return sensors.proximity(self._scene, self._pose)
         if name == "wheels":
             return np.rint(self._drive.wheels * (STEPS_PER_TURN / math.tau)).astype(np.float32)
-        raise ValueError(f"name={name!r}: choose from {sensors.SENSES}")
+        raise ValueError(f"name={name!r}: choose from {SENSES}")
 
     # ---------------------------------------------------------------- snapshot
 

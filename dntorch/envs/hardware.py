@@ -11,8 +11,8 @@ from gymnasium import spaces
 
 from dntorch.body import EPUCK, Body, check_positive
 from dntorch.colors import PAPER, SEQUENCE, check_colors
-from dntorch.envs.proximity import PROXIMITY_TABLE
-from dntorch.envs.sensors import SENSES, observation_space
+from dntorch.envs.senses import PROXIMITY_TABLE, SENSES
+from dntorch.envs.sensors import observation_space
 from dntorch.envs.task import NOTHING, REWARD, REWARD_DURATION, SequenceTask
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock

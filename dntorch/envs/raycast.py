@@ -19,11 +19,15 @@ SIDES = 24
 
 def box_faces(c: tuple[Tensor, Tensor], d: tuple[Tensor, Tensor], half: float):
     """Entry into the two slabs ``|x| <= half`` and ``|y| <= half``, and exit from the box."""
-    inverse = d[0].reciprocal(), d[1].reciprocal()
-    middle = c[0] * inverse[0], c[1] * inverse[1]
-    width = half * inverse[0].abs(), half * inverse[1].abs()
-    leave = torch.minimum(middle[0] + width[0], middle[1] + width[1])
-    return middle[0] - width[0], middle[1] - width[1], leave
+    (near_x, far_x), (near_y, far_y) = _slab(c[0], d[0], half), _slab(c[1], d[1], half)
+    return near_x, near_y, torch.minimum(far_x, far_y)
+
+
+def _slab(c: Tensor, d: Tensor, half: float) -> tuple[Tensor, Tensor]:
+    """Entry and exit; a ray along the slab is in it, or outside of it, all the way."""
+    inverse = d.reciprocal()
+    one, other = (c - half) * inverse, (c + half) * inverse
+    return torch.minimum(one, other), torch.maximum(one, other)
 
 
 def box_entry(c: tuple[Tensor, Tensor], d: tuple[Tensor, Tensor], half: float) -> Tensor:

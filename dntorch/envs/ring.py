@@ -11,11 +11,9 @@ from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge, JudgeState
 from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_ring
 from dntorch.envs.ring_camera import RingCamera, wrap
+from dntorch.envs.senses import check_senses
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
 from dntorch.envs.world import Outcome
-
-SENSES = ("image", "wheels", "proximity")
-"""Names in an observation of the e-puck."""
 
 
 class RingState(NamedTuple):
@@ -104,7 +102,7 @@ class RingWorld:
         pairs = torch.stack(torch.broadcast_tensors(seed, agents), -1).expand(*batch, 2)
         unique, member = pairs.reshape(-1, 2).unique(dim=0, return_inverse=True)
         drawn = [draw_layout(self.ring.blocks, self.n, *pair) for pair in unique.tolist()]
-        layouts = torch.tensor(drawn)[member].reshape(*batch, self.ring.blocks)
+        layouts = torch.tensor(drawn, dtype=torch.int64)[member].reshape(*batch, self.ring.blocks)
         return layouts.to(self.device)
 
     # ---------------------------------------------------------------- truth
@@ -160,11 +158,3 @@ def draw_layout(blocks: int, colors: int, seed: int, agent: int = 0) -> list[int
     entropy = [seed, agent] if agent else seed
     each = np.repeat(np.arange(colors), blocks // colors)
     return np.random.default_rng(entropy).permutation(each).tolist()
-
-
-def check_senses(senses: Sequence[str]) -> None:
-    for name in senses:
-        if name not in SENSES:
-            raise ValueError(
-                f"senses={senses!r}: {name!r} is unknown, give a tuple out of {SENSES}"
-            )

@@ -25,7 +25,7 @@ from dntorch.body import Body
 from dntorch.colors import HUES
 from dntorch.envs import raycast
 from dntorch.envs.layout import Light, Ring
-from dntorch.envs.proximity import (
+from dntorch.envs.senses import (
     PROXIMITY_RANGE,
     PROXIMITY_SENSORS,
     PROXIMITY_TABLE,
@@ -84,7 +84,8 @@ class RingCamera:
         self.facing = tensor([[math.cos(k) for k in turn], [math.sin(k) for k in turn]])
         self.centers = ring.radius * self.facing
         self.slope = (body.width / 2 - torch.arange(body.width).to(self.turn)) / body.focal
-        self.row = torch.arange(body.height, dtype=torch.int16, device=device).unsqueeze(-1)
+        whole = torch.uint8 if body.height < 256 else torch.int16
+        self.row = torch.arange(body.height, dtype=whole, device=device).unsqueeze(-1)
         paints = [colorsys.hsv_to_rgb(HUES[letter] / 360, 1, 1) for letter in colors]
         self.paints = tensor([[float(int(255 * part)) for part in paint] for paint in paints])
         lamp = tensor(light.direction) / math.hypot(*light.direction)
@@ -93,7 +94,7 @@ class RingCamera:
         self.gloss = self.light_color * gloss
         gray, gloss = tensor([float(int(255 * GRAY))] * 3), light.specular * lamp[2].square()
         above = (lamp[2] > 0) * (light.diffuse * lamp[2] + gloss)
-        self.floor = (gray * (light.ambient + self.light_color * above)).to(torch.uint8)
+        self.floor = (gray * (light.ambient + self.light_color * above)).to(whole)
         self.sensors, self.table = tensor(PROXIMITY_SENSORS), tensor(PROXIMITY_TABLE)
 
     # ---------------------------------------------------------------- camera
@@ -129,21 +130,27 @@ class RingCamera:
         It is drawn with the channels outermost in memory. ``layout`` holds the colour of each
         block, int64 ``(*batch, blocks)``.
         """
+        low, top = self._edges(walls)
+        # One tensor of bytes: what follows is done for each pixel, what came before is not.
+        column = torch.cat((top, low, self._color(walls, layout).movedim(-1, -2)), -2)
+        top, low, color = column.unsqueeze(-2).split([1, 1, 3], -3)
+        below = torch.where(self.row < low, color, self.floor[:, None, None])
+        return torch.where(self.row < top, BACKGROUND, below).to(torch.uint8).movedim(-3, -1)
+
+    def _edges(self, walls: Walls) -> tuple[Tensor, Tensor]:
+        """The first row below the wall and the first of the wall, ``(*batch, 1, width)``."""
         height, focal, eye = self.body.height, self.body.focal, self.body.camera[2]
-        color = self._color(walls, layout).movedim(-1, -2).unsqueeze(-2)
         seen, horizon = walls.depth < math.inf, height / 2 - 1
         ground = torch.where(seen, walls.depth, walls.floor)
         low = (horizon + eye * focal / ground).floor() + 1
         top = (horizon - (self.ring.block_size - eye) * focal / walls.depth).ceil()
-        top = _rows(torch.where(seen, top, low), height)
-        floor = self.floor[:, None, None]
-        below = torch.where(self.row < _rows(low, height), color, floor)
-        return torch.where(self.row < top, BACKGROUND, below).movedim(-3, -1)
+        edges = low, torch.where(seen, top, low)
+        return tuple(edge.clamp(0, height).to(self.row.dtype).unsqueeze(-2) for edge in edges)
 
     def _color(self, walls: Walls, layout: Tensor) -> Tensor:
         paint = self.paints[layout.gather(-1, walls.block)]
         lit = self.light.diffuse * walls.diffuse.unsqueeze(-1) * self.light_color
-        return (paint * (lit + self.gloss + self.light.ambient)).clamp_max(255).to(torch.uint8)
+        return (paint * (lit + self.gloss + self.light.ambient)).clamp_max(255).to(self.row.dtype)
 
     def _diffuse(self, normal: tuple[Tensor, Tensor], block: Tensor) -> Tensor:
         along, across = self.facing
@@ -212,10 +219,6 @@ def _rays(cos, sin, slope: Tensor) -> tuple[Tensor, Tensor]:
 
 def _of(pair: tuple[Tensor, Tensor], block: Tensor) -> tuple[Tensor, Tensor]:
     return pair[0].gather(-1, block), pair[1].gather(-1, block)
-
-
-def _rows(row: Tensor, height: int) -> Tensor:
-    return row.clamp(0, height).to(torch.int16).unsqueeze(-2).unsqueeze(-2)
 
 
 def _check(ring: Ring, light: Light, body: Body) -> None:

@@ -11,11 +11,13 @@ from gymnasium import spaces
 
 from dntorch.body import Body
 from dntorch.envs.pose import Pose
-from dntorch.envs.proximity import PROXIMITY_RANGE, PROXIMITY_SENSORS, PROXIMITY_TABLE
 from dntorch.envs.scene import Scene
-
-SENSES = ("image", "wheels", "proximity")
-"""Names in an observation."""
+from dntorch.envs.senses import (
+    PROXIMITY_RANGE,
+    PROXIMITY_SENSORS,
+    PROXIMITY_TABLE,
+    check_senses,
+)
 
 FARTHEST = 2.0**24
 """Motor steps that float32 still counts one by one: 23 hours at the speed cap."""
@@ -28,11 +30,7 @@ def observation_space(body: Body, senses: Sequence[str]) -> spaces.Dict:
         "wheels": spaces.Box(-FARTHEST, FARTHEST, (2,), np.float32),
         "proximity": spaces.Box(0, PROXIMITY_TABLE[0][1], (8,), np.float32),
     }
-    for name in senses:
-        if name not in known:
-            raise ValueError(
-                f"senses={senses!r}: {name!r} is unknown, give a tuple out of {SENSES}"
-            )
+    check_senses(senses)
     return spaces.Dict({name: known[name] for name in senses})
 
 

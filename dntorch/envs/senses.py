@@ -1,11 +1,15 @@
-"""The eight infra-red sensors of the e-puck: where they sit, and what they read.
+"""What the e-puck senses: the names, and its eight infra-red sensors.
 
 Numbers follow ``E-puck.proto`` and ``E-puckDistanceSensor.proto`` of Webots (Cyberbotics).
 """
 
 import math
+from collections.abc import Sequence
 
 from torch import Tensor
+
+SENSES = ("image", "wheels", "proximity")
+"""Names in an observation."""
 
 #: ps0 ... ps7, clockwise from the front right: x, y, z in metres and direction in radians
 #: from straight ahead.
@@ -46,3 +50,12 @@ def proximity_reading(distance: Tensor, table: Tensor) -> Tensor:
     meters, reading = table.unbind(-1)
     part = (distance.unsqueeze(-1) - meters[:-1]) / meters.diff()
     return reading[0] + (part.clamp(0, 1) * reading.diff()).sum(-1)
+
+
+def check_senses(senses: Sequence[str]) -> None:
+    """Raise a ``ValueError`` for a name that an e-puck does not sense."""
+    for name in senses:
+        if name not in SENSES:
+            raise ValueError(
+                f"senses={senses!r}: {name!r} is unknown, give a tuple out of {SENSES}"
+            )
