@@ -25,6 +25,7 @@ from dntorch.envs import EPuckEnv
 from dntorch.envs.task import NOTHING
 from dntorch.experiments import robot
 from dntorch.experiments.driving import Act, Log, acting, perform
+from dntorch.experiments.worlds import build_task
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.camera import Camera
 from dntorch.robot.codecs import rgb565
@@ -109,7 +110,7 @@ def main() -> None:
 
     steps, scan = 150 * given.behaviors, trained.sensorimotor.scan
     for layout in range(given.layouts):
-        world = {"layout_seed": layout, "sequence": config.sequence, "colors": config.colors}
+        world = {"layout_seed": layout, "task": build_task(config)}
         ours, found = simulated(fresh(), world, steps)
         for case, link in CASES.items():
             rows, theirs = emulated(fresh(), world, steps, config, scan, **link)

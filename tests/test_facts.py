@@ -84,7 +84,8 @@ def test_all_worlds_pay_alike():
     for name in ("sequence", "colors", "reward", "dt"):
         assert getattr(config, name) == getattr(task, name)
     assert round(config.reward_duration / config.dt) == task.steps
-    for world in (EPuckEnv, HardwareEnv):
-        built = defaults(world.__init__)
-        for name in ("sequence", "colors", "reward", "reward_duration", "dt"):
-            assert built[name] == getattr(config, name)
+    for name in ("sequence", "colors", "reward", "reward_duration", "dt"):
+        assert defaults(HardwareEnv.__init__)[name] == getattr(config, name)
+    for env in (EPuckEnv(),):
+        assert repr(env.task) == repr(task)
+        env.close()

@@ -11,6 +11,7 @@ from tqdm import tqdm
 from dntorch.colors import PAPER
 from dntorch.commands.common import end_when_asked
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
+from dntorch.envs.task import SequenceTask
 
 if TYPE_CHECKING:
     from dntorch.robot.emulator import Emulator
@@ -38,7 +39,7 @@ def emulate(host: str, port: int, pty: bool, colors: str, **options: Any) -> Non
     """
     end_when_asked()
     with closing(_server(host, port, pty)) as server:
-        emulator = build_emulator(server, world={"colors": colors}, **options)
+        emulator = build_emulator(server, world={"task": SequenceTask(colors=colors)}, **options)
         with emulator, suppress(KeyboardInterrupt):
             click.echo(f"{options['protocol']} at {server.address}")
             sys.stdout.flush()

@@ -10,6 +10,7 @@ import click
 from dntorch.commands.common import refuse_options
 from dntorch.envs.task import NOTHING
 from dntorch.experiments.config import Config
+from dntorch.experiments.worlds import build_task
 
 if TYPE_CHECKING:
     from dntorch.robot.clock import Clock
@@ -106,7 +107,7 @@ def open_target(
         if info["found"] != NOTHING:
             seen.append(int(info["found"]))
 
-    task = {"colors": config.colors, "sequence": config.sequence, "dt": config.dt}
+    task = {"task": build_task(config)}
     with closing(MemoryServer() if virtual else TcpServer()) as server:
         emulator = build_emulator(
             server, clock, protocol=protocol, world=task, on_step=see, **emulation

@@ -1,7 +1,8 @@
-"""The PyBullet world behind a robot's protocol: what stands in for a robot."""
+"""A simulated world behind a robot's protocol: what stands in for a robot."""
 
 from typing import Any
 
+from dntorch.envs.blocks import BlocksEnv
 from dntorch.envs.epuck import EPuckEnv
 from dntorch.robot.clock import Clock
 from dntorch.robot.emulator import BODIES, SERIAL, Emulator
@@ -17,6 +18,7 @@ def emulate(
     pacing: str = "firmware",
     layout: int = 0,
     world: dict[str, Any] | None = None,
+    kind: type[BlocksEnv] = EPuckEnv,
     **worse: Any,
 ) -> Emulator:
     """An emulated e-puck amid its ring of blocks.
@@ -28,7 +30,8 @@ def emulate(
             115200 baud.
         pacing: of ``wifi``: ``firmware``, ``webots`` or ``request``.
         layout: seed of the order of the colours.
-        world: other arguments of `EPuckEnv`.
+        world: other arguments of the env.
+        kind: the env: `EPuckEnv`, or `RingEnv`, which needs no PyBullet.
         worse: ``camera``, ``faults``, ``on_step`` of `Emulator`.
 
     Raises:
@@ -36,7 +39,7 @@ def emulate(
     """
     firmware = build_firmware(protocol, pacing)
     usual = {"body": BODIES[protocol], "layout_seed": layout, "senses": ()}
-    ring = EPuckEnv(**usual | (world or {}))  # the emulator asks for each sense when it is due
+    ring = kind(**usual | (world or {}))  # the emulator asks for each sense when it is due
     ring.reset(seed=layout)
     bandwidth = None if protocol == "wifi" else SERIAL
     return Emulator(ring, server, firmware, clock, bandwidth=bandwidth, **worse)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dntorch.body import check_positive
+from dntorch.envs.task import SequenceTask
 
 if TYPE_CHECKING:
     import numpy as np  # not needed to see the ring in torch
@@ -98,16 +99,26 @@ class Ring:
 DAYLIGHT = Light()
 
 
-def check_ring(ring: Ring, colors: str, tolerance: float) -> None:
-    """Raise a ``ValueError`` for blocks that do not fit the colours or the judge.
+def check_whole(
+    task: SequenceTask | None, ring: Ring | None, tolerance: float
+) -> tuple[SequenceTask, Ring]:
+    """The task and the ring of a world; by default the paper's, and four blocks of each colour.
 
-    Args:
-        colors: letters of the repertoire.
-        tolerance: rad, of the judge.
+    Raises:
+        ValueError: they are of another type, or do not fit each other or the judge's
+            ``tolerance`` (rad).
     """
-    share, half = len(colors), math.pi / ring.blocks
+    task = SequenceTask() if task is None else task
+    if not isinstance(task, SequenceTask):
+        raise ValueError(f"task={task!r} is no task: give SequenceTask(...)")
+    share = len(task.colors)
+    ring = Ring(4 * share) if ring is None else ring
+    if not isinstance(ring, Ring):
+        raise ValueError(f"ring={ring!r} is no ring: give Ring(...)")
     if ring.blocks % share:
         raise ValueError(f"blocks={ring.blocks!r}: give a multiple of the {share} colors")
     check_positive(tolerance=tolerance)
+    half = math.pi / ring.blocks
     if tolerance >= half:
         raise ValueError(f"tolerance={tolerance!r}: give less than half a pitch, {half:.3f} rad")
+    return task, ring

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge, JudgeState
-from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_ring
+from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole
 from dntorch.envs.ring_camera import RingCamera, wrap
 from dntorch.envs.senses import check_senses
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
@@ -69,14 +69,13 @@ class RingWorld:
         dtype: torch.dtype = torch.float32,
         device: torch.device | str | None = None,
     ) -> None:
-        task = SequenceTask() if task is None else task
-        self.ring = Ring(4 * len(task.colors)) if ring is None else ring
-        check_ring(self.ring, task.colors, tolerance)
+        task, self.ring = check_whole(task, ring, tolerance)
         check_senses(senses)
         self.task, self.n = task.to(device), len(task.colors)
         self.judge = Judge(tolerance, dwell, dwell_rate, task.dt)
         self.light, self.body, self.senses = light, body, tuple(senses)
         self.camera = RingCamera(self.ring, light, body, task.colors, dtype, device)
+        self.actions, self.action_range = 2, (-body.speed_cap, body.speed_cap)
         self.dtype, self.device = dtype, device
 
     def initial(

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from dntorch.body import check_positive
 from dntorch.colors import PAPER, SEQUENCE, indices
 
 NOTHING = -1
@@ -57,7 +58,9 @@ class SequenceTask:
         dt: float = 1 / 32,
         others: tuple[str, ...] = (),
     ) -> None:
+        check_positive(dt=dt)
         self.sequence, self.colors, self.reward, self.dt = sequence, colors, reward, dt
+        self.duration, self.others = duration, others
         if any(len(other) != len(sequence) for other in others):
             raise ValueError(f"others={others}: give sequences as long as {sequence!r}")
         self.targets = torch.tensor([indices(each, colors) for each in (sequence, *others)])
@@ -68,6 +71,10 @@ class SequenceTask:
             raise ValueError(f"reward={reward} is not finite: give a number")
         if self.steps < 1:
             raise ValueError(f"duration={duration} is shorter than a step: give at least dt={dt}")
+
+    def __repr__(self) -> str:
+        names = "sequence", "colors", "reward", "duration", "dt", "others"
+        return f"SequenceTask({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
     @property
     def period(self) -> int:

@@ -33,6 +33,10 @@ class PureWorld(Protocol):
     task: SequenceTask
     n: int
     """Number of colours."""
+    actions: int
+    """Length of an action."""
+    action_range: tuple[float, float]
+    """Least and largest value of its parts."""
 
     def initial(
         self, batch: list[int] | None = None, seed: int | Tensor = 0, agents: int | Tensor = 0

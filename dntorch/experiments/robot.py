@@ -13,6 +13,7 @@ from dntorch.experiments import checkpoint
 from dntorch.experiments.config import Config, build_agent
 from dntorch.experiments.learn import CHECKPOINT
 from dntorch.experiments.trial import load_trained
+from dntorch.experiments.worlds import build_task
 from dntorch.modules.find_color import FindColor
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.robot.calibration import Calibration
@@ -115,7 +116,7 @@ def emulated(
         judges as found: they are appended as time goes on.
     """
     clock, server, seen = VirtualClock(), MemoryServer(), []
-    task = {"colors": config.colors, "sequence": config.sequence, "dt": config.dt}
+    task = {"task": build_task(config)}
 
     def see(info: dict[str, Any]) -> None:
         if info["found"] != NOTHING:

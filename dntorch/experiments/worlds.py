@@ -49,10 +49,8 @@ def build_epuck(config: Config, **others: Any) -> "EPuckEnv":
     from dntorch.envs.epuck import EPuckEnv  # numpy, gymnasium and pybullet are an extra
 
     return EPuckEnv(
-        sequence=config.sequence, colors=config.colors, reward=config.reward,
-        reward_duration=config.reward_duration, dt=config.dt,
-        body=Body(width=config.width, height=config.height), **others,
-    )  # fmt: skip
+        build_task(config), body=Body(width=config.width, height=config.height), **others
+    )
 
 
 def build_world(config: Config, senses: tuple[str, ...] | None = None) -> World:
