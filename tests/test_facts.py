@@ -76,7 +76,7 @@ def numbers(part) -> dict:
 def test_all_worlds_pay_alike():
     pytest.importorskip("gymnasium")
     pytest.importorskip("pybullet")
-    from dntorch.envs import EPuckEnv, HardwareEnv
+    from dntorch.envs import EPuckEnv, HardwareEnv, RingEnv
     from dntorch.envs.task import SequenceTask
     from dntorch.experiments.config import Config
 
@@ -86,6 +86,6 @@ def test_all_worlds_pay_alike():
     assert round(config.reward_duration / config.dt) == task.steps
     for name in ("sequence", "colors", "reward", "reward_duration", "dt"):
         assert defaults(HardwareEnv.__init__)[name] == getattr(config, name)
-    for env in (EPuckEnv(),):
+    for env in (EPuckEnv(), RingEnv()):
         assert repr(env.task) == repr(task)
         env.close()

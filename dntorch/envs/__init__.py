@@ -2,7 +2,8 @@
 
 The task, the abstract world and the ring in torch need PyTorch alone (layouts are drawn with
 NumPy); the e-puck in PyBullet needs Gymnasium too: ``pip install 'dntorch[sim]'``.
-Importing this package registers ``dntorch/EPuck-v0`` where Gymnasium is installed.
+Importing this package registers ``dntorch/EPuck-v0`` and ``dntorch/Ring-v0`` where Gymnasium is
+installed.
 """
 
 from importlib import import_module
@@ -16,7 +17,7 @@ from dntorch.envs.task import NOTHING, SequenceTask, TaskState
 from dntorch.envs.world import Outcome, PureWorld
 
 #: What needs NumPy, Gymnasium or PyBullet is imported when it is first asked for.
-_LATER = {"EPuckEnv": "epuck", "HardwareEnv": "hardware"}
+_LATER = {"EPuckEnv": "epuck", "HardwareEnv": "hardware", "RingEnv": "ring_env"}
 
 __all__ = [
     "NOTHING",
@@ -38,13 +39,14 @@ __all__ = [
 
 
 def register() -> None:
-    """Make ``dntorch/EPuck-v0`` known to ``gymnasium.make``; harmless twice."""
+    """Make the envs known to ``gymnasium.make``; harmless twice."""
     if find_spec("gymnasium") is None:
         return
     import gymnasium
 
-    if "dntorch/EPuck-v0" not in gymnasium.registry:
-        gymnasium.register("dntorch/EPuck-v0", entry_point="dntorch.envs.epuck:EPuckEnv")
+    for name, place in (("EPuck", "epuck:EPuckEnv"), ("Ring", "ring_env:RingEnv")):
+        if f"dntorch/{name}-v0" not in gymnasium.registry:
+            gymnasium.register(f"dntorch/{name}-v0", entry_point=f"dntorch.envs.{place}")
 
 
 def __getattr__(name: str) -> object:

@@ -7,8 +7,9 @@ inside the forward of its policy, and any collector that runs it is a training l
 from dntorch.rl.envs import NodesEnv, epuck, nodes, wrap
 from dntorch.rl.policy import AgentPolicy
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
+from dntorch.rl.worlds import WorldEnv
 
 __all__ = [
-    "AgentPolicy", "AgentPrimer", "LastReward", "NodesEnv", "Report", "Resumable", "epuck",
-    "nodes", "wrap",
+    "AgentPolicy", "AgentPrimer", "LastReward", "NodesEnv", "Report", "Resumable", "WorldEnv",
+    "epuck", "nodes", "wrap",
 ]  # fmt: skip
