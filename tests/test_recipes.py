@@ -154,3 +154,10 @@ def test_a_robot_beside_its_simulation_does_the_same(trained: Path) -> None:
         same = re.search(r"simulated ([GB]+), robot \1, at most 0 steps apart", line)
         assert same and line.endswith("wheels at most 0 rad/s apart, heading 0 degrees"), line
     assert not lines[3].endswith("heading 0 degrees"), lines[3]
+
+
+def test_the_ring_in_torch_is_that_of_pybullet() -> None:
+    pytest.importorskip("pybullet")
+    printed = run("ring_against_pybullet.py", "--poses", 12)
+    wrong = re.findall(r"off by more than 2, %: ([\d.e-]+)", printed)
+    assert len(wrong) == 4 and max(map(float, wrong)) <= 1

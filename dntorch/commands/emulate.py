@@ -10,6 +10,7 @@ import click
 from dntorch.colors import PAPER
 from dntorch.commands.common import Computing
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
+from dntorch.envs.task import SequenceTask
 from dntorch.process import end_when_asked
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def emulate(host: str, port: int, pty: bool, colors: str, **options: Any) -> Non
     """
     end_when_asked()
     with closing(_server(host, port, pty)) as server:
-        emulator = build_emulator(server, world={"colors": colors}, **options)
+        emulator = build_emulator(server, world={"task": SequenceTask(colors=colors)}, **options)
         with emulator, suppress(KeyboardInterrupt):
             click.echo(f"{options['protocol']} at {server.address}")
             sys.stdout.flush()

@@ -79,6 +79,7 @@ def open_target(
     from dntorch.robot.emulated.emulator import BODIES
     from dntorch.robot.emulated.servers import MemoryServer, TcpServer
     from dntorch.robot.transports import transport_for
+    from dntorch.runs.worlds import build_task
 
     clock, fov = VirtualClock() if virtual else RealClock(), BODIES[protocol].fov
 
@@ -106,7 +107,7 @@ def open_target(
         if info["found"] != NOTHING:
             seen.append(int(info["found"]))
 
-    task = {"colors": config.colors, "sequence": config.sequence, "dt": config.dt}
+    task = {"task": build_task(config)}
     with closing(MemoryServer() if virtual else TcpServer()) as server:
         emulator = build_emulator(
             server, clock, protocol=protocol, world=task, on_step=see, **emulation

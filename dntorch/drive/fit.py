@@ -23,6 +23,7 @@ from dntorch.runs.build import senses_of
 from dntorch.runs.config import Config
 from dntorch.runs.run import load_trained
 from dntorch.runs.train import CHECKPOINT
+from dntorch.runs.worlds import WORLDS, build_task
 
 
 def load_agent(run: Path) -> tuple[DNSarsa, Config]:
@@ -32,7 +33,7 @@ def load_agent(run: Path) -> tuple[DNSarsa, Config]:
         ValueError: no run, or one of an agent without a camera.
     """
     agent, config = load_trained(run / CHECKPOINT)
-    if config.world != "epuck":
+    if "image" not in WORLDS[config.world].senses:
         raise ValueError(f"{run} was trained in world={config.world!r}, without a camera: "
                          "train with --world epuck")  # fmt: skip
     return agent, config
@@ -116,7 +117,7 @@ def emulated(
         judges as found: they are appended as time goes on.
     """
     clock, server, seen = VirtualClock(), MemoryServer(), []
-    task = {"colors": config.colors, "sequence": config.sequence, "dt": config.dt}
+    task = {"task": build_task(config)}
 
     def see(info: dict[str, Any]) -> None:
         if info["found"] != NOTHING:

@@ -1,8 +1,9 @@
 """Worlds in which colours are found: the task, and the e-puck in its ring of blocks.
 
-The task and the abstract world need PyTorch alone; the e-puck needs Gymnasium and PyBullet, which
-``pip install 'dntorch[sim]'`` brings. Each name is imported when it is first asked for.
-``dntorch/EPuck-v0`` is registered where Gymnasium is installed.
+The task, the abstract world and the ring in torch need PyTorch alone (layouts are drawn with
+NumPy); the e-puck in PyBullet needs Gymnasium too: ``pip install 'dntorch[sim]'``. Each name is
+imported when it is first asked for. ``dntorch/EPuck-v0`` and ``dntorch/Ring-v0`` are registered
+where Gymnasium is installed.
 """
 
 from typing import TYPE_CHECKING
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from dntorch.envs.judge import Judge
     from dntorch.envs.layout import Light, Ring
     from dntorch.envs.nodes import NodesState, NodesWorld
+    from dntorch.envs.ring import RingState, RingWorld
+    from dntorch.envs.ring_env import RingEnv
     from dntorch.envs.task import NOTHING, SequenceTask, TaskState
     from dntorch.envs.world import Outcome, World
 else:  # the same, later
@@ -33,6 +36,9 @@ else:  # the same, later
             "NodesWorld": "nodes",
             "Outcome": "world",
             "Ring": "layout",
+            "RingEnv": "ring_env",
+            "RingState": "ring",
+            "RingWorld": "ring",
             "SequenceTask": "task",
             "TaskState": "task",
             "World": "world",
@@ -50,6 +56,9 @@ __all__ = [
     "NodesWorld",
     "Outcome",
     "Ring",
+    "RingEnv",
+    "RingState",
+    "RingWorld",
     "SequenceTask",
     "TaskState",
     "World",

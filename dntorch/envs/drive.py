@@ -3,13 +3,36 @@
 import math
 import os
 import tempfile
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from dntorch.body import Body
 from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
+
+
+def check_speeds(action: np.ndarray, cap: float) -> np.ndarray:
+    """Wheel speeds (left, right) in rad/s, clipped to ``cap``, or a ``ValueError``."""
+    speeds = np.asarray(action, np.float64)
+    if speeds.shape != (2,) or not np.isfinite(speeds).all():
+        raise ValueError(f"action={action!r}: give two finite wheel speeds (left, right) in rad/s")
+    return speeds.clip(-cap, cap)
+
+
+class Drive(Protocol):
+    """What moves a robot."""
+
+    wheels: np.ndarray
+    """rad, both wheels since the start, left first"""
+
+    def reset(self) -> None: ...
+    def step(self, speeds: np.ndarray) -> None:
+        """One control step under wheel speeds in rad/s."""
+
+    def pose(self) -> Pose: ...
+    def snapshot(self) -> Any: ...
+    def restore(self, snapshot: Any) -> None: ...
 
 
 class Pin:

@@ -11,7 +11,8 @@ from gymnasium import spaces
 
 from dntorch.body import EPUCK, Body
 from dntorch.colors import PAPER, SEQUENCE, check_colors
-from dntorch.envs.sensors import PROXIMITY_TABLE, SENSES, observation_space
+from dntorch.envs.senses import PROXIMITY_TABLE, SENSES
+from dntorch.envs.sensors import observation_space
 from dntorch.envs.task import NOTHING, REWARD, REWARD_DURATION, SequenceTask
 from dntorch.quantities import check_quantities
 from dntorch.robot.calibration import Calibration
@@ -206,7 +207,7 @@ class HardwareEnv(gymnasium.Env):
         if name == "image":
             return self._image.copy()
         if name == "proximity":
-            return self._frame.proximity.clip(0, PROXIMITY_TABLE[0, 1]).astype(np.float32)
+            return self._frame.proximity.clip(0, PROXIMITY_TABLE[0][1]).astype(np.float32)
         return (self._frame.steps - self._zero).astype(np.float32)
 
     def _info(self, speeds, found: int, completed: bool, fresh: bool, late: float):

@@ -1,18 +1,26 @@
 """Who says that a colour was found: the world, from where the robot truly looks."""
 
-import math
-from typing import NamedTuple
+from __future__ import annotations
 
-import numpy as np
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import torch
+from torch import Tensor
 
 from dntorch.envs.task import NOTHING
 from dntorch.quantities import check_quantities
+
+if TYPE_CHECKING:
+    import numpy as np
 
 TOLERANCE, DWELL, DWELL_RATE = math.radians(4), 0.5, 0.1
 """When a block is found, unless a world says otherwise: rad, s, rad/s; see `Judge`."""
 
 
 class JudgeState(NamedTuple):
+    """Of one robot; `Judge.judge` keeps tensors ``(*batch,)`` here, int64 and bool."""
+
     block: int = NOTHING
     """The block that is visited: the camera's axis is within its tolerance."""
     still: int = 0
@@ -22,6 +30,8 @@ class JudgeState(NamedTuple):
 
 
 class Verdict(NamedTuple):
+    """On one robot; `Judge.judge` puts tensors ``(*batch,)`` here."""
+
     found: int
     """The block found in this step, or ``NOTHING``."""
     centered: int
@@ -70,7 +80,7 @@ class Judge:
             yaw_rate: rad/s.
             state: ``JudgeState()`` at first.
         """
-        nearest = int(np.abs(bearings).argmin())
+        nearest = int(abs(bearings).argmin())
         bearing = float(bearings[nearest])
         if abs(bearing) > self.tolerance:
             return Verdict(NOTHING, NOTHING, bearing), JudgeState()
@@ -79,3 +89,24 @@ class Judge:
         found = still >= self.steps and not counted
         verdict = Verdict(nearest if found else NOTHING, nearest, bearing)
         return verdict, JudgeState(nearest, still, counted or found)
+
+    def initial(self, batch: list[int], device: torch.device | None = None) -> JudgeState:
+        """At first, for `judge`."""
+        none = torch.zeros(batch, dtype=torch.int64, device=device)
+        return JudgeState(none + NOTHING, none, none > 0)
+
+    def judge(
+        self, bearings: Tensor, yaw_rate: Tensor, state: JudgeState
+    ) -> tuple[Verdict, JudgeState]:
+        """`step` for a batch: ``bearings`` are ``(*batch, blocks)``, ``yaw_rate`` ``(*batch,)``."""
+        nearest = bearings.abs().argmin(-1)
+        bearing = bearings.gather(-1, nearest.unsqueeze(-1)).squeeze(-1)
+        centered = torch.where(bearing.abs() > self.tolerance, NOTHING, nearest)
+        looked = centered != NOTHING
+        stays = looked & (centered == state.block)
+        slow = looked & (yaw_rate.abs() < self.dwell_rate)
+        still = torch.where(slow, torch.where(stays, state.still, 0) + 1, 0)
+        counted = stays & state.counted
+        found = (still >= self.steps) & ~counted
+        verdict = Verdict(torch.where(found, centered, NOTHING), centered, bearing)
+        return verdict, JudgeState(centered, still, counted | found)

@@ -1,11 +1,16 @@
 """What stands around the robot and how it is lit."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-
+from dntorch.envs.task import SequenceTask
 from dntorch.quantities import check_quantities
+
+if TYPE_CHECKING:
+    import numpy as np  # not needed to see the ring in torch
 
 SHAPES = ("box", "cylinder", "sphere")
 
@@ -29,13 +34,14 @@ class Light:
     """drawing shadows takes about three times as long"""
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.direction).all() and np.any(self.direction)):
+        if not (all(map(math.isfinite, self.direction)) and any(self.direction)):
             raise ValueError(
                 f"direction={self.direction!r} points nowhere: give a vector (x, y, z)"
             )
         parts = {"ambient": self.ambient, "diffuse": self.diffuse, "specular": self.specular}
         for name, value in {"color": self.color, **parts}.items():
-            if not all(0 <= part <= 1 for part in np.ravel(value)):
+            each = value if name == "color" else (value,)
+            if not all(0 <= part <= 1 for part in each):
                 raise ValueError(f"{name}={value!r} is outside its range: give values from 0 to 1")
 
 
@@ -77,13 +83,42 @@ class Ring:
     @property
     def angles(self) -> np.ndarray:
         """rad, direction of every block seen from the middle."""
+        import numpy as np
+
         return (np.arange(self.blocks) + 0.5) * (2 * math.pi / self.blocks)
 
     @property
     def centers(self) -> np.ndarray:
         """m, ``(blocks, 2)``."""
+        import numpy as np
+
         return self.radius * np.stack((np.cos(self.angles), np.sin(self.angles)), axis=1)
 
 
 #: White light from above, without shadows.
 DAYLIGHT = Light()
+
+
+def check_whole(
+    task: SequenceTask | None, ring: Ring | None, tolerance: float
+) -> tuple[SequenceTask, Ring]:
+    """The task and the ring of a world; by default the paper's, and four blocks of each colour.
+
+    Raises:
+        ValueError: they are of another type, or do not fit each other or the judge's
+            ``tolerance`` (rad).
+    """
+    task = SequenceTask() if task is None else task
+    if not isinstance(task, SequenceTask):
+        raise ValueError(f"task={task!r} is no task: give SequenceTask(...)")
+    share = len(task.colors)
+    ring = Ring(4 * share) if ring is None else ring
+    if not isinstance(ring, Ring):
+        raise ValueError(f"ring={ring!r} is no ring: give Ring(...)")
+    if ring.blocks % share:
+        raise ValueError(f"blocks={ring.blocks!r}: give a multiple of the {share} colors")
+    check_quantities(tolerance=tolerance)
+    half = math.pi / ring.blocks
+    if tolerance >= half:
+        raise ValueError(f"tolerance={tolerance!r}: give less than half a pitch, {half:.3f} rad")
+    return task, ring

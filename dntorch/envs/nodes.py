@@ -55,6 +55,7 @@ class NodesWorld(World[NodesState]):
         task: what is rewarded.
         shortest, longest: seconds until the object is in view.
         dwell, linger: seconds in view until found; seconds a match outlasts its intention.
+        device: of its tensors.
 
     >>> world = NodesWorld()
     >>> state = world.initial(agents=torch.arange(3))  # three agents with fates of their own
@@ -73,6 +74,7 @@ class NodesWorld(World[NodesState]):
         longest: float = 6.0,
         dwell: float = 0.6,
         linger: float = 0.6,
+        device: torch.device | str | None = None,
     ) -> None:
         if linger < dwell:
             raise ValueError(f"linger={linger} is shorter than dwell={dwell}: found could fail")
@@ -80,7 +82,7 @@ class NodesWorld(World[NodesState]):
             raise ValueError(
                 f"shortest={shortest}, longest={longest}: give 0 < shortest <= longest"
             )
-        self.task = task or SequenceTask()
+        self.task, self.device = (task or SequenceTask()).to(device), device
         dt = self.task.dt
         self.shortest, self.longest = shortest / dt, longest / dt
         self.dwell, self.linger = round(dwell / dt), round(linger / dt)
@@ -93,10 +95,10 @@ class NodesWorld(World[NodesState]):
         self, batch: tuple[int, ...] = (), seed: int | Tensor = 0, agents: int | Tensor = 0
     ) -> NodesState:
         """Nothing is sought; ``seed`` and ``agents``, one for all or ``(*batch,)``, key chance."""
-        seed, agents = individuals(batch, seed, agents)
+        seed, agents = (x.to(self.device) for x in individuals(batch, seed, agents))
         none = torch.zeros_like(agents)
         ahead = none.unsqueeze(-1).expand(*none.shape, AHEAD).clone()
-        task = self.task.initial(tuple(none.shape), none.device)
+        task = self.task.initial(tuple(none.shape))
         numbers = [none.clone() for _ in range(5)]
         state = NodesState(none + NOTHING, *numbers[:4], ahead, numbers[4], seed, agents, task)
         return self.provide(state)

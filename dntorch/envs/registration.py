@@ -5,7 +5,10 @@ from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import find_spec
 from types import ModuleType
 
-ENTRIES = {"dntorch/EPuck-v0": "dntorch.envs.epuck:EPuckEnv"}
+ENTRIES = {
+    "dntorch/EPuck-v0": "dntorch.envs.epuck:EPuckEnv",
+    "dntorch/Ring-v0": "dntorch.envs.ring_env:RingEnv",
+}
 """What ``gymnasium.make`` imports, by its id."""
 
 

@@ -7,12 +7,14 @@ what an agent says of itself.
 from __future__ import annotations
 
 import math
+from copy import copy
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from dntorch.colors import PAPER, REWARD, REWARD_DURATION, SEQUENCE, indices
+from dntorch.quantities import check_quantities
 
 NOTHING = -1
 """What ``found`` holds for an agent that found nothing in this step."""
@@ -53,7 +55,9 @@ class SequenceTask:
         dt: float = 1 / 32,
         others: tuple[str, ...] = (),
     ) -> None:
+        check_quantities(dt=dt)
         self.sequence, self.colors, self.reward, self.dt = sequence, colors, reward, dt
+        self.duration, self.others = duration, others
         if any(len(other) != len(sequence) for other in others):
             raise ValueError(f"others={others}: give sequences as long as {sequence!r}")
         self.targets = torch.tensor([indices(each, colors) for each in (sequence, *others)])
@@ -65,6 +69,10 @@ class SequenceTask:
         if self.steps < 1:
             raise ValueError(f"duration={duration} is shorter than a step: give at least dt={dt}")
 
+    def __repr__(self) -> str:
+        names = "sequence", "colors", "reward", "duration", "dt", "others"
+        return f"SequenceTask({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
+
     @property
     def period(self) -> int:
         """Behaviours from one reward to the next at best: 4 for G-B-Y-R-G, whose ends overlap."""
@@ -72,13 +80,15 @@ class SequenceTask:
         shifts = range(1, length)
         return next((k for k in shifts if self.sequence[k:] == self.sequence[:-k]), length)
 
-    def initial(
-        self, batch: tuple[int, ...] = (), device: torch.device | str | None = None
-    ) -> TaskState:
-        return TaskState(
-            torch.full((*batch, len(self.sequence)), NOTHING, device=device),
-            torch.zeros(batch, dtype=torch.int64, device=device),
-        )
+    def to(self, device: torch.device | str | None) -> SequenceTask:
+        """The same task for ``found`` on a device; ``None``: as it is."""
+        moved = copy(self)
+        moved.targets = self.targets.to(device)
+        return moved
+
+    def initial(self, batch: tuple[int, ...] = ()) -> TaskState:
+        recent = self.targets.new_full((*batch, len(self.sequence)), NOTHING)
+        return TaskState(recent, self.targets.new_zeros(batch))
 
     def step(self, found: Tensor, state: TaskState) -> tuple[Tensor, Tensor, TaskState]:
         """One control step.
@@ -93,7 +103,7 @@ class SequenceTask:
         found = found.unsqueeze(-1)
         shifted = torch.cat((state.recent[..., 1:], found), dim=-1)
         recent = torch.where(found == NOTHING, state.recent, shifted)
-        matched = (recent.unsqueeze(-2) == self.targets.to(recent.device)).all(-1).any(-1)
+        matched = (recent.unsqueeze(-2) == self.targets).all(-1).any(-1)
         completed = (found[..., 0] != NOTHING) & matched
         remaining = torch.where(completed, self.steps, state.remaining)
         reward = self.reward * (remaining > 0).to(torch.get_default_dtype())

@@ -54,8 +54,8 @@ class Run:
         self.agent = self.group.build_agent().to(device=device, dtype=dtype)
         if batch:
             self.agent.spread(*batch)
-        self.world = build_world(self.config, self.agent.senses)
-        self.world.task = self.group.build_task()
+        task = self.group.build_task()
+        self.world = build_world(self.config, self.agent.senses, task, device)
         exploration = self.group.build_exploration()
         self.group.individualize(self.agent, self.world.task, exploration)
         names = self.group.rows or self.group.agents or tuple(range(*batch or (1,)))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     import gymnasium
 
+    from dntorch.body import Body
     from dntorch.envs.task import SequenceTask
     from dntorch.envs.world import World
     from dntorch.runs.config import Config
@@ -22,7 +23,7 @@ class Row(NamedTuple):
     """one line for those who choose"""
     senses: Senses
     """what it can show"""
-    build: Callable[[Config, Senses], World]
+    build: Callable[[Config, Senses, SequenceTask, str], World]
     batched: bool
     """whether many agents step as one batch"""
     numbered: bool
@@ -41,31 +42,40 @@ def build_task(config: Config, others: tuple[str, ...] = ()) -> SequenceTask:
     )
 
 
-def _nodes(config: Config, senses: Senses) -> World:
+def _nodes(config: Config, senses: Senses, task: SequenceTask, device: str) -> World:
     from dntorch.envs.nodes import NodesWorld
 
-    return NodesWorld(build_task(config))
+    return NodesWorld(task, device=device)
 
 
-def _epuck(config: Config, senses: Senses) -> World:
+def _ring(config: Config, senses: Senses, task: SequenceTask, device: str) -> World:
+    from dntorch.envs.ring import RingWorld
+
+    return RingWorld(task, body=_body(config), senses=senses, device=device)
+
+
+def _epuck(config: Config, senses: Senses, task: SequenceTask, device: str) -> World:
     from dntorch.envs.adaptor import GymWorld
 
-    return GymWorld(_epuck_env(config, senses=senses, layout_seed=config.seed))
+    return GymWorld(_epuck_env(config, task=task, senses=senses, layout_seed=config.seed))
+
+
+def _body(config: Config) -> Body:
+    from dntorch.body import Body
+
+    return Body(width=config.width, height=config.height)
 
 
 def _epuck_env(config: Config, **others) -> gymnasium.Env:
-    from dntorch.body import Body
     from dntorch.envs.epuck import EPuckEnv
 
-    return EPuckEnv(
-        sequence=config.sequence,
-        colors=config.colors,
-        reward=config.reward,
-        reward_duration=config.reward_duration,
-        dt=config.dt,
-        body=Body(width=config.width, height=config.height),
-        **others,
-    )
+    return EPuckEnv(**{"task": build_task(config), "body": _body(config)} | others)
+
+
+def _ring_env(config: Config, **others) -> gymnasium.Env:
+    from dntorch.envs.ring_env import RingEnv
+
+    return RingEnv(**{"task": build_task(config), "body": _body(config)} | others)
 
 
 ROBOT = ("image", "wheels", "proximity")
@@ -75,14 +85,20 @@ WORLDS = {
         "PyBullet, from camera images", ROBOT, _epuck, batched=False, numbered=False,
         env=_epuck_env,
     ),
+    "ring": Row(
+        "the same seen in torch, needs no PyBullet", ROBOT, _ring, batched=True, numbered=False,
+        env=_ring_env,
+    ),
     "nodes": Row(
         "abstract behaviours, without a camera", ("match",), _nodes, batched=True, numbered=True
     ),
 }  # fmt: skip
 
 
-def build_world(config: Config, senses: Senses) -> World:
-    """The world of a run, which shows ``senses``.
+def build_world(
+    config: Config, senses: Senses, task: SequenceTask | None = None, device: str = "cpu"
+) -> World:
+    """The world of a run, which shows ``senses``; by default with the task of the config.
 
     Raises:
         ValueError: a sense that it does not have.
@@ -92,4 +108,4 @@ def build_world(config: Config, senses: Senses) -> World:
     for name in senses:
         if name not in row.senses:
             raise ValueError(f"senses={senses}: {name!r} is unknown, give a tuple of {row.senses}")
-    return row.build(config, senses)
+    return row.build(config, senses, task or build_task(config), device)

@@ -30,6 +30,7 @@ from dntorch.robot.codecs import rgb565
 from dntorch.robot.emulated.camera import Camera
 from dntorch.robot.images import resample
 from dntorch.robot.safety import Limits
+from dntorch.runs.worlds import build_task
 
 BODY = Body(width=160, height=120)
 STEP = math.tau / STEPS_PER_TURN
@@ -108,7 +109,7 @@ def main() -> None:
 
     steps, scan = 150 * given.behaviors, trained.sensorimotor.scan
     for layout in range(given.layouts):
-        world = {"layout_seed": layout, "sequence": config.sequence, "colors": config.colors}
+        world = {"layout_seed": layout, "task": build_task(config)}
         ours, found = simulated(fresh(), world, steps)
         for case, link in CASES.items():
             rows, theirs = emulated(fresh(), world, steps, config, scan, **link)

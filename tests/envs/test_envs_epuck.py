@@ -18,7 +18,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from dntorch.body import Body  # noqa: E402
 from dntorch.colors import HUES  # noqa: E402
-from dntorch.envs import EPuckEnv, Light  # noqa: E402
+from dntorch.envs import EPuckEnv, Light, Ring, SequenceTask  # noqa: E402
 
 PIVOTS = ["free", "kinematic"]
 
@@ -155,7 +155,7 @@ def test_snapshot_holds_judge_and_reward(make):
 
 
 def test_snapshot_of_another_world_is_refused(make):
-    first, second = make(pivot="kinematic"), make(pivot="kinematic", radius=0.5)
+    first, second = make(pivot="kinematic"), make(pivot="kinematic", ring=Ring(radius=0.5))
     first.reset(seed=0)
     with pytest.raises(ValueError, match="another world: build EPuckEnv"):
         second.load_state_dict(first.state_dict())
@@ -191,7 +191,7 @@ def test_gymnasium_checker_is_content(pivot):
 
 
 def test_gymnasium_make_knows_the_id():
-    env = gymnasium.make("dntorch.envs:dntorch/EPuck-v0", blocks=8, max_seconds=0.25)
+    env = gymnasium.make("dntorch.envs:dntorch/EPuck-v0", ring=Ring(8), max_seconds=0.25)
     env.reset(seed=0)
     ends = [env.step(env.action_space.sample())[2:4] for _ in range(8)]
     assert ends == [(False, False)] * 7 + [(False, True)]
@@ -252,7 +252,7 @@ def hues(image):
 
 
 def test_image_shows_nothing_but_the_hues_of_the_blocks(make):
-    env = make(colors="ROYGBVCM", blocks=16, sequence="RO", block_shape="mixed")
+    env = make(task=SequenceTask("RO", "ROYGBVCM"), ring=Ring(16, block_shape="mixed"))
     env.reset(seed=0)
     seen = set()
     for _ in range(30):
@@ -266,7 +266,7 @@ def test_image_shows_nothing_but_the_hues_of_the_blocks(make):
 
 @pytest.mark.parametrize("shape", ["box", "cylinder", "sphere", "mixed"])
 def test_block_appears_in_the_column_of_its_bearing(make, shape):
-    env = make(pivot="kinematic", block_shape=shape, block_size=0.06)
+    env = make(pivot="kinematic", ring=Ring(block_shape=shape, block_size=0.06))
     env.reset(seed=0)
     for _ in range(40):
         observation, *_, info = env.step(env.body.spin(0.3))
@@ -278,7 +278,7 @@ def test_block_appears_in_the_column_of_its_bearing(make, shape):
 
 
 def test_image_is_upright_and_left_is_left(make):
-    env = make(pivot="kinematic", blocks=4)
+    env = make(pivot="kinematic", ring=Ring(4))
     observation, info = env.reset(seed=0)
     assert info["bearing"] != 0 and not np.ptp(observation["image"].astype(int), axis=2).any()
     assert observation["image"][0].mean() > observation["image"][-1].mean() + 50
@@ -308,7 +308,7 @@ def test_light_changes_the_image_and_does_not_stick(make):
 def test_proximity_sees_a_near_block_and_nothing_far(make):
     far = make().reset(seed=0)[0]["proximity"]
     assert np.allclose(far, 67.19)
-    env = make(radius=0.16, block_size=0.08, blocks=4, tolerance=0.1)
+    env = make(ring=Ring(4, radius=0.16), tolerance=0.1)
     env.reset(seed=0)
     while abs(env.pose.yaw - math.pi / 4) > 0.02:
         observation, *_ = env.step(env.body.spin(0.4))
@@ -404,7 +404,7 @@ def test_standing_still_after_reset_finds_nothing(make):
 
 @pytest.mark.parametrize("colors, sequence", [("RGB", "GBRG"), ("ROYGBV", "OGVRYBO")])
 def test_three_and_six_colors(make, colors, sequence):
-    env = make(pivot="kinematic", colors=colors, sequence=sequence)
+    env = make(pivot="kinematic", task=SequenceTask(sequence, colors))
     env.reset(seed=1)
     assert sorted(env.layout) == sorted(list(range(len(colors))) * 4)
     found = [turn_to(env, color)[::2] for color in sequence]
@@ -418,18 +418,9 @@ def test_three_and_six_colors(make, colors, sequence):
 @pytest.mark.parametrize(
     "arguments, remedy",
     [
-        ({"sequence": "GXG"}, "use letters of colors"),
-        ({"colors": "RGBQ"}, "choose from"),
-        ({"reward": math.nan}, "give a finite number"),
-        ({"reward_duration": 0.01}, "give dt=0.03125 or more"),
-        ({"dt": 0.0}, "give a number above 0"),
+        ({"task": "GBYRG"}, "give SequenceTask(...)"),
+        ({"ring": 16}, "give Ring(...)"),
         ({"substeps": 2.5}, "give a whole number"),
-        ({"blocks": 15}, "give a multiple of the 4 colors"),
-        ({"blocks": 0}, "give a number above 0"),
-        ({"block_size": 0.2}, "fewer or smaller blocks"),
-        ({"block_size": -1.0}, "give a number above 0"),
-        ({"block_shape": "cone"}, "choose from"),
-        ({"radius": 0.1}, "a larger radius"),
         ({"layout_seed": -1}, "an integer from 0"),
         ({"pivot": "loose"}, "choose from"),
         ({"tolerance": 0.3}, "less than half a pitch"),
@@ -455,6 +446,16 @@ def test_bad_arguments_are_named_with_a_remedy(arguments, remedy):
         (Body, {"width": 0}, "above 0"),
         (Body, {"height": 39.5}, "whole numbers"),
         (Body, {"speed_cap": math.nan}, "above 0"),
+        (SequenceTask, {"sequence": "GXG"}, "use letters of colors"),
+        (SequenceTask, {"colors": "RGBQ"}, "choose from"),
+        (SequenceTask, {"reward": math.nan}, "give a number"),
+        (SequenceTask, {"duration": 0.01}, "give at least dt=0.03125"),
+        (SequenceTask, {"dt": 0.0}, "give a number above 0"),
+        (Ring, {"blocks": 0}, "give a number above 0"),
+        (Ring, {"block_size": 0.2}, "fewer or smaller blocks"),
+        (Ring, {"block_size": -1.0}, "give a number above 0"),
+        (Ring, {"block_shape": "cone"}, "choose from"),
+        (Ring, {"radius": 0.1}, "a larger radius"),
         (Light, {"direction": (0, 0, 0)}, "give a vector"),
         (Light, {"ambient": 1.5}, "from 0 to 1"),
         (Light, {"color": (1, 2, 1)}, "from 0 to 1"),
@@ -465,3 +466,8 @@ def test_bad_bodies_and_lights_are_named_with_a_remedy(part, arguments, remedy):
     with pytest.raises(ValueError) as error:
         part(**arguments)
     assert f"{name}={value!r}" in str(error.value) and remedy in str(error.value)
+
+
+def test_blocks_that_no_colors_share_are_named_with_a_remedy():
+    with pytest.raises(ValueError, match="blocks=15: give a multiple of the 4 colors"):
+        EPuckEnv(ring=Ring(15))

@@ -78,7 +78,7 @@ def numbers(part) -> dict:
 def test_all_worlds_pay_alike():
     pytest.importorskip("gymnasium")
     pytest.importorskip("pybullet")
-    from dntorch.envs import EPuckEnv, HardwareEnv
+    from dntorch.envs import EPuckEnv, HardwareEnv, RingEnv
     from dntorch.envs.task import SequenceTask
     from dntorch.runs.config import Config
 
@@ -86,7 +86,8 @@ def test_all_worlds_pay_alike():
     for name in ("sequence", "colors", "reward", "dt"):
         assert getattr(config, name) == getattr(task, name)
     assert round(config.reward_duration / config.dt) == task.steps
-    for world in (EPuckEnv, HardwareEnv):
-        built = defaults(world.__init__)
-        for name in ("sequence", "colors", "reward", "reward_duration", "dt"):
-            assert built[name] == getattr(config, name)
+    for name in ("sequence", "colors", "reward", "reward_duration", "dt"):
+        assert defaults(HardwareEnv.__init__)[name] == getattr(config, name)
+    for env in (EPuckEnv(), RingEnv()):
+        assert repr(env.task) == repr(task)
+        env.close()

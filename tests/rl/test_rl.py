@@ -81,7 +81,9 @@ def test_specs(world: str, carried: bool) -> None:
 def test_what_the_world_of_a_run_does_not_have_is_refused() -> None:
     with pytest.raises(ValueError, match=r"agents=2: world='epuck' is for one agent"):
         collected(Config(), agents=2)
-    with pytest.raises(ValueError, match=r"senses=\('image',\): 'image' is unknown, give a tuple of \('match',\)"):
+    with pytest.raises(
+        ValueError, match=r"senses=\('image',\): 'image' is unknown, give a tuple of \('match',\)"
+    ):
         collected(Config(world="nodes"), senses=["image"])
 
 

@@ -1,0 +1,277 @@
+"""What all Gymnasium envs of the ring of blocks share: the task, the judge, truth, snapshots."""
+
+import colorsys
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium import spaces
+
+from dntorch.body import EPUCK, STEPS_PER_TURN, Body
+from dntorch.colors import HUES
+from dntorch.envs import sensors
+from dntorch.envs.drive import Drive, check_speeds
+from dntorch.envs.judge import DWELL, DWELL_RATE, NOTHING, TOLERANCE, Judge, JudgeState, Verdict
+from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole
+from dntorch.envs.pose import Pose
+from dntorch.envs.senses import SENSES
+from dntorch.envs.task import SequenceTask, TaskState
+from dntorch.quantities import check_quantities
+
+
+class BlocksEnv(gymnasium.Env):
+    """Find colours in the rewarded order by turning on the spot.
+
+    The robot stands amid a ring of blocks. Action: speeds of the left and the right wheel
+    in rad/s, clipped to ``body.speed_cap``. The task is continuing: never ``terminated``,
+    and ``truncated`` only after ``max_seconds``.
+
+    ============ ==================== ===================================================
+    observation  type                 meaning
+    ============ ==================== ===================================================
+    image        uint8 (39, 52, 3)    RGB, row 0 at the top
+    wheels       float32 (2,)         motor steps since the reset, left first, rounded to
+                                      whole steps; 1000 per turn, no wrap-around
+    proximity    float32 (8,)         infra-red readings ps0 ... ps7, near is large
+    ============ ==================== ===================================================
+
+    ============ ======== ===============================================================
+    info         dtype    meaning
+    ============ ======== ===============================================================
+    found        int64    colour that was found in this step (position in ``colors``) or -1
+    completed    bool     this step completed the sequence
+    bearing      float64  rad, of the nearest block seen from the camera, left is positive
+    centered     int64    colour of the block within ``tolerance``, or -1
+    yaw          float64  rad, true heading, in (-pi, pi]
+    yaw_rate     float64  rad/s, true mean turning speed in this step
+    ============ ======== ===============================================================
+
+    The world judges what was found (:class:`~dntorch.envs.judge.Judge`) and rewards the
+    sequence (:class:`~dntorch.envs.task.SequenceTask`); what an agent believes plays no part.
+
+    Args:
+        task: what is rewarded, and the length of one control step.
+        ring: where the blocks stand; by default four of each colour.
+        layout_seed: fixes the order of the colours; ``None``: ``reset(seed=)`` draws it.
+        light, body: the lamp; the robot and its camera.
+        tolerance, dwell, dwell_rate: of the judge; rad, s, rad/s.
+        senses: names in the observation; what is not named is not computed.
+        render_mode: ``None`` or ``rgb_array``, a view from outside.
+        max_seconds: ``None`` or the length of an episode in s.
+
+    A subclass sets ``_drive``, which moves the robot, and says how the world looks.
+
+    Raises:
+        ValueError: an argument that makes no world; the sentence says what to give.
+    """
+
+    metadata: ClassVar = {"render_modes": ["rgb_array"], "render_fps": 32}
+    _drive: Drive
+
+    def __init__(
+        self,
+        task: SequenceTask | None = None,
+        ring: Ring | None = None,
+        *,
+        layout_seed: int | None = None,
+        light: Light = DAYLIGHT,
+        body: Body = EPUCK,
+        tolerance: float = TOLERANCE,
+        dwell: float = DWELL,
+        dwell_rate: float = DWELL_RATE,
+        senses: Sequence[str] = SENSES,
+        render_mode: str | None = None,
+        max_seconds: float | None = None,
+    ) -> None:
+        task, ring = check_whole(task, ring, tolerance)
+        _check(layout_seed, render_mode, max_seconds)
+        self.observation_space = sensors.observation_space(body, senses)
+        self.task, self.ring, self.body, self.light = task, ring, body, light
+        self.layout_seed = layout_seed
+        self.render_mode, self.max_seconds = render_mode, max_seconds
+        self.judge = Judge(tolerance, dwell, dwell_rate, task.dt)
+        # A snapshot may go on in an env that is sensed, drawn or cut off differently.
+        self._world: dict[str, Any] = {
+            "task": task,
+            "ring": ring,
+            "layout_seed": layout_seed,
+            "light": light,
+            "body": body,
+            "tolerance": tolerance,
+            "dwell": dwell,
+            "dwell_rate": dwell_rate,
+        }
+        self._paints = np.array([colorsys.hsv_to_rgb(HUES[c] / 360, 1, 1) for c in task.colors])
+        self._steps: int | None = None
+        self._closed = False
+        cap = body.speed_cap
+        self.action_space = spaces.Box(-cap, cap, (2,), np.float32)
+
+    @property
+    def colors(self) -> str:
+        """Letters of the repertoire."""
+        return self.task.colors
+
+    @property
+    def dt(self) -> float:
+        """s, one control step."""
+        return self.task.dt
+
+    # ------------------------------------ image, proximity, view from outside: of a subclass
+
+    @abstractmethod
+    def _see(self) -> np.ndarray: ...
+
+    @abstractmethod
+    def _feel(self) -> np.ndarray: ...
+
+    @abstractmethod
+    def _draw(self, pose: Pose) -> np.ndarray: ...
+
+    # ---------------------------------------------------------------- Gymnasium
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        super().reset(seed=seed)
+        fixed = self.layout_seed is not None
+        random = np.random.default_rng(self.layout_seed) if fixed else self.np_random
+        each = self.ring.blocks // len(self.colors)
+        self._arrange(random.permutation(np.repeat(np.arange(len(self.colors)), each)))
+        self._drive.reset()
+        self._pose, self._steps = self._drive.pose(), 0
+        self._judged, self._rewarded = JudgeState(), self.task.initial()
+        seen, _ = self.judge.step(self.bearings, math.inf, self._judged)
+        return self.observe(), self._info(seen)
+
+    def step(self, action: np.ndarray):
+        reward, over, info = self.move(action)
+        return self.observe(), reward, False, over, info
+
+    def move(self, action: np.ndarray) -> tuple[float, bool, dict[str, Any]]:
+        """`step` without an observation: reward, whether the time is over, info."""
+        self._require_reset()
+        before = self._pose.yaw
+        self._drive.step(check_speeds(action, self.body.speed_cap))
+        self._pose, self._steps = self._drive.pose(), self._steps + 1
+        yaw_rate = math.remainder(self._pose.yaw - before, math.tau) / self.dt
+        verdict, self._judged = self.judge.step(self.bearings, yaw_rate, self._judged)
+        found = self._color(verdict.found)
+        reward, completed, self._rewarded = self.task.step(torch.tensor(found), self._rewarded)
+        over = self.max_seconds is not None and self._steps * self.dt >= self.max_seconds
+        return float(reward), over, self._info(verdict, bool(completed), yaw_rate)
+
+    def render(self) -> np.ndarray | None:
+        """The view from outside, uint8 (360, 480, 3), RGB; ``None`` without a render mode."""
+        return None if self.render_mode is None else self.view(self.pose)
+
+    def view(self, pose: Pose) -> np.ndarray:
+        """The view from outside, as in `render`, if the robot were at ``pose``."""
+        self._require_reset()
+        return self._draw(pose)
+
+    def close(self) -> None:
+        """This world has ended; a second call does nothing."""
+        self._steps, self._closed = None, True
+
+    # ---------------------------------------------------------------- truth
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot truly is."""
+        self._require_reset()
+        return self._pose
+
+    @property
+    def bearings(self) -> np.ndarray:
+        """rad, of every block's middle seen from the camera, left is positive, ``(blocks,)``.
+
+        The colour of block ``k`` is ``colors[layout[k]]``.
+        """
+        return sensors.bearings(self.ring.centers, self.body, self._pose)
+
+    def observe(self) -> dict[str, np.ndarray]:
+        """The observation at this moment; looking changes nothing."""
+        return {name: self.sense(name) for name in self.observation_space}
+
+    def sense(self, name: str) -> np.ndarray:
+        """One entry of an observation, also of those that ``senses`` does not name."""
+        if name == "image":
+            return self._see()
+        if name == "proximity":
+            return self._feel()
+        if name == "wheels":
+            return np.rint(self._drive.wheels * (STEPS_PER_TURN / math.tau)).astype(np.float32)
+        raise ValueError(f"name={name!r}: choose from {SENSES}")
+
+    # ---------------------------------------------------------------- snapshot
+
+    def state_dict(self) -> dict[str, Any]:
+        """A full snapshot that pickles; taking it changes nothing.
+
+        An env built with the same arguments, in this or another process, that loads it
+        goes on bit by bit like this one.
+        """
+        self._require_reset()
+        return {
+            "world": repr(self._world),
+            "random": self.np_random.bit_generator.state,
+            "layout": self.layout.copy(),
+            "steps": self._steps,
+            "drive": self._drive.snapshot(),
+            "judge": tuple(self._judged),
+            "task": tuple(part.numpy().copy() for part in self._rewarded),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from a snapshot of :meth:`state_dict`.
+
+        Raises:
+            ValueError: the snapshot comes from an env with other arguments.
+        """
+        if state["world"] != repr(self._world):
+            raise ValueError(
+                f"the snapshot is of another world: build {type(self).__name__}"
+                f"({state['world']}) to load it"
+            )
+        self.np_random.bit_generator.state = state["random"]
+        self._arrange(state["layout"].copy())
+        self._drive.restore(state["drive"])
+        self._pose, self._steps = self._drive.pose(), state["steps"]
+        self._judged = JudgeState(*state["judge"])
+        self._rewarded = TaskState(*(torch.from_numpy(part.copy()) for part in state["task"]))
+
+    # ---------------------------------------------------------------- inside
+
+    def _require_reset(self) -> None:
+        if self._steps is None:
+            raise gymnasium.error.ResetNeeded("the world has not begun: call reset() first")
+
+    def _arrange(self, layout: np.ndarray) -> None:
+        if self._closed:
+            raise gymnasium.error.ClosedEnvironmentError("this env was closed: build a new one")
+        self.layout = layout
+
+    def _color(self, block: int) -> int:
+        return NOTHING if block == NOTHING else int(self.layout[block])
+
+    def _info(self, seen: Verdict, completed: bool = False, yaw_rate: float = 0.0):
+        return {
+            "found": np.int64(self._color(seen.found)),
+            "completed": np.bool_(completed),
+            "bearing": np.float64(seen.bearing),
+            "centered": np.int64(self._color(seen.centered)),
+            "yaw": np.float64(self._pose.yaw),
+            "yaw_rate": np.float64(yaw_rate),
+        }
+
+
+def _check(layout_seed: int | None, render_mode: str | None, max_seconds: float | None) -> None:
+    """Raise a ``ValueError`` for the first argument that no other part would refuse."""
+    check_quantities(max_seconds=1.0 if max_seconds is None else max_seconds)
+    if layout_seed is not None and layout_seed < 0:
+        raise ValueError(f"layout_seed={layout_seed!r}: give None or an integer from 0")
+    if render_mode not in (None, "rgb_array"):
+        raise ValueError(f"render_mode={render_mode!r}: give 'rgb_array' or None")
