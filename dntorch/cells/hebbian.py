@@ -32,4 +32,4 @@ def hebbian_step(
 ) -> HebbianState:
     """One Euler step of ``dt`` seconds."""
     rate = hebbian_rate(active, trace, error, reward, learning_rate)
-    return HebbianState(state.weights + dt * rate.weights)
+    return HebbianState(state.weights.add(rate.weights, alpha=dt))

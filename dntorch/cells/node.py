@@ -17,6 +17,15 @@ class NodeState(NamedTuple):
 
 
 @either
+def node_target(
+    input: Tensor, output: Tensor, h: Number, excitation: Number, inhibition: Number
+) -> Tensor:
+    """Where the leak pulls ``u``: all of the right-hand side but ``-u``; ``output`` is f(u)."""
+    others = output.sum(-1, keepdim=True) - output
+    return input + h + excitation * output - inhibition * others
+
+
+@either
 def node_rate(
     input: Tensor,
     state: NodeState,
@@ -29,8 +38,7 @@ def node_rate(
 ) -> NodeState:
     """Right-hand side, per second."""
     output = abs_sigmoid(state.u, steepness, threshold)
-    others = output.sum(-1, keepdim=True) - output
-    return NodeState((-state.u + h + excitation * output - inhibition * others + input) / tau)
+    return NodeState((node_target(input, output, h, excitation, inhibition) - state.u) / tau)
 
 
 @either
@@ -46,5 +54,6 @@ def node_step(
     dt: float,
 ) -> NodeState:
     """One Euler step of ``dt`` seconds."""
-    rate = node_rate(input, state, tau, h, excitation, inhibition, steepness, threshold)
-    return NodeState(state.u + dt * rate.u)
+    output = abs_sigmoid(state.u, steepness, threshold)
+    target = node_target(input, output, h, excitation, inhibition)
+    return NodeState(state.u.lerp(target, dt / tau))
