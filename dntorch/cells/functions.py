@@ -5,7 +5,6 @@ All output functions but `rectified` run from 0 to 1 and are 1/2 at ``threshold`
 
 import torch
 from torch import Tensor
-from torch.nn.functional import threshold as above_or
 
 from dntorch.number import Number, either
 
@@ -15,6 +14,7 @@ def abs_sigmoid(u: Tensor, steepness: float, threshold: float) -> Tensor:
 
     .. math:: f_S(u) = \frac12 \left(1 + \frac{\beta (u-\mu)}{1 + \beta |u-\mu|}\right)
 
+    computed as :math:`(s + x) / 2s` with :math:`x = u - \mu` and :math:`s = |x| + 1/\beta`.
     Not a fast logistic: it differs from one by up to .082 and has an algebraic tail,
     f(-5) = 1e-3 at a steepness of 100.
 
@@ -23,7 +23,8 @@ def abs_sigmoid(u: Tensor, steepness: float, threshold: float) -> Tensor:
     between 0 and 1".
     """
     x = u - threshold
-    return 0.5 + 0.5 * x / (1 / steepness + x.abs())
+    scale = x.abs() + 1 / steepness
+    return (scale + x) / (scale + scale)
 
 
 def logistic(u: Tensor, steepness: float, threshold: float) -> Tensor:
@@ -39,7 +40,7 @@ def heaviside(u: Tensor, threshold: Number) -> Tensor:
 
 def rectified(u: Tensor, threshold: float) -> Tensor:
     """``u`` above the threshold, zero at and below it (threshold-linear, with a jump)."""
-    return above_or(u, threshold, 0.0)
+    return torch.threshold(u, threshold, 0.0)
 
 
 def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
@@ -77,4 +78,4 @@ def came_on(before: Tensor, after: Tensor) -> Tensor:
     A behaviour is completed when its CoS node comes on: this is where everything that counts,
     reports or records completed behaviours gets them from.
     """
-    return is_on(after) & ~is_on(before)
+    return is_on(after) > is_on(before)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import abs_sigmoid
-from dntorch.number import Number, either
+from dntorch.number import Number, either, plus
 
 
 class NodeState(NamedTuple):
@@ -22,7 +22,7 @@ def node_target(
 ) -> Tensor:
     """Where the leak pulls ``u``: all of the right-hand side but ``-u``; ``output`` is f(u)."""
     others = output.sum(-1, keepdim=True) - output
-    return input + h + excitation * output - inhibition * others
+    return plus(plus(input + h, excitation, output), -inhibition, others)
 
 
 @either

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import rectified
-from dntorch.number import Number, either
+from dntorch.number import Number, either, plus
 
 
 class WorkingMemoryState(NamedTuple):
@@ -30,7 +30,7 @@ def working_memory_rate(
     threshold: float,
 ) -> WorkingMemoryState:
     """Right-hand side, per second. The last two dimensions are one field of cells."""
-    drive = excitation * rectified(pulse, threshold) + feedback * state.u
+    drive = plus(excitation * rectified(pulse, threshold), feedback, state.u)
     total = drive.sum((-2, -1), keepdim=True)
     return WorkingMemoryState((drive - state.u * total) / tau)
 
@@ -51,6 +51,6 @@ def working_memory_step(
     goal :math:`d_m / D`, which lies between 0 and 1, as u does.
     """
     pulse = pulse.clamp_max(tau / (dt * excitation))  # alone it fills the memory in one step
-    drive = excitation * rectified(pulse, threshold) + feedback * state.u
+    drive = plus(excitation * rectified(pulse, threshold), feedback, state.u)
     total = drive.sum((-2, -1), keepdim=True)
     return WorkingMemoryState(state.u + (drive - state.u * total) / total.clamp_min(tau / dt))

@@ -82,11 +82,11 @@ class NodeWTA(Dynamics[NodeState]):
         return abs_sigmoid(state.u, self.steepness, self.threshold)
 
     def euler(self, input: Tensor, state: NodeState) -> NodeState:
+        check_ends("input", input, [self.n])
         return self.relax(input, self.output(state), state)
 
     def relax(self, input: Tensor, output: Tensor, state: NodeState) -> NodeState:
-        """`euler` for a composite that knows the output already."""
-        check_ends("input", input, [self.n])
+        """`euler` for a composite that knows the output already, and the shape of the input."""
         gains = wide(self.h, 1), wide(self.excitation, 1), wide(self.inhibition, 1)
         target = node_target(input, output, *gains)
         return NodeState(state.u.lerp(target, self.dt / wide(self.tau, 1)))
