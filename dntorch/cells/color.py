@@ -47,13 +47,15 @@ def hue_saturation_value(image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 def hue_bins(image: Tensor, hues: int, min_saturation: float, min_value: float) -> Tensor:
     """Number of the bin of each pixel of ``(*batch, 3)``; ``hues`` for too gray or too dark ones.
 
-    Bin k is centred on ``k * 360 / hues`` degrees. A hue on the edge of two bins is in the even
-    one: numerator and denominator are whole, so that no rounding comes before that of the bin.
+    Bin k is centred on ``k * 360 / hues`` degrees. A hue on the edge of two
+    bins is in the even one: numerator and denominator are whole numbers, so that nothing is
+    rounded before the bin is.
     """
     red, green, blue = planes(image)
     value, chroma = value_and_chroma(red, green, blue)
     turned = chroma_by_sextant(red, green, blue, value, chroma) * hues
-    bins = torch.round(turned / (6 * chroma).clamp_min(1.0)) % hues
+    bins = torch.round(turned / (6 * chroma).clamp_min(1.0))
+    bins = torch.sub(bins, torch.floor(bins / hues), alpha=hues)  # modulo, in vectors
     colored = (chroma / value.clamp_min(1.0) >= min_saturation) & (value / 255 >= min_value)
     return torch.where(colored, bins, hues).to(torch.uint8 if hues < 256 else torch.int32)
 
@@ -61,11 +63,13 @@ def hue_bins(image: Tensor, hues: int, min_saturation: float, min_value: float) 
 def hue_columns(image: Tensor, hues: int, min_saturation: float, min_value: float) -> Tensor:
     """Share of each image column that has each hue, ``(*batch, hues, width)``: see `hue_bins`.
 
-    Counts the pixels of all other bins: bytes compare to 0 or 1 by exclusive or, and add up to
-    a byte in images of less than 256 rows, 64 at a time and without scattering.
+    Counts the pixels of all other bins, without scattering: exclusive or is 0 where the bin is
+    that of the row, and above 0 elsewhere.
     """
-    bins, height = hue_bins(image, hues, min_saturation, min_value), image.shape[-3]
-    kind = bins.dtype if height < 256 else torch.int32
-    number = torch.arange(hues, dtype=bins.dtype, device=image.device).unsqueeze(-1).unsqueeze(-1)
-    others = (bins.unsqueeze(-3) ^ number).clamp_max(1).sum(-2, dtype=kind)
-    return (height - others) / height
+    bins = hue_bins(image, hues, min_saturation, min_value)
+    # A row without colour is added, since what is joined lies in memory: else compiled code
+    # would compute the map again for each hue.
+    bins = torch.cat((bins, torch.full_like(bins[..., :1, :], hues)), -2)
+    number = torch.arange(hues, dtype=bins.dtype, device=bins.device).unsqueeze(-1).unsqueeze(-1)
+    others = (bins.unsqueeze(-3) ^ number).clamp_max(1).to(torch.float32).sum(-2)
+    return (bins.shape[-2] - others) / image.shape[-3]
