@@ -11,7 +11,7 @@ def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
     if not isinstance(tensor, Tensor):
         refuse_input(name, tensor)
     given = list(tensor.shape)
-    if given[max(len(given) - len(end), 0) :] != end:
+    if given[len(given) - len(end) :] != end:
         raise ValueError(
             f"{name} of shape {given} does not end in {end} after its batch: reshape it, or build "
             "the structure with another size"

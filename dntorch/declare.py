@@ -149,6 +149,11 @@ def _open_bodies() -> dict[str, list[str]]:
 def write_steps(cls: type) -> None:
     """``step`` from ``euler`` and ``output``, ``forward`` from ``step``: the same inputs."""
     own = cls.__dict__
+    if "euler" in own and "relax" not in own and hasattr(cls, "relax"):
+        raise TypeError(
+            f"{cls.__name__} writes euler, which composites do not call: write relax, with the "
+            "output before state, and euler follows"
+        )
     changed = "euler" in own or "output" in own
     if changed and hasattr(cls, "euler") and hasattr(cls, "output") and _may_write(cls, "step"):
         takes, names, inputs = _inputs(cls.euler)

@@ -5,7 +5,6 @@ r"""State-action cells: which behaviour runs after which was completed.
 
 from torch import Tensor
 
-from dntorch.cells.functions import heaviside
 from dntorch.number import Number, either
 
 
@@ -19,4 +18,4 @@ def coincidence(
     outputs (between 0 and 1) of the intention and CoS nodes, ``(*batch, n)``.
     """
     product = intention.unsqueeze(-1) * satisfaction.unsqueeze(-2)
-    return heaviside(product, threshold) * off_diagonal
+    return (product > threshold) * off_diagonal

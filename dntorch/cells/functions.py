@@ -5,7 +5,6 @@ All output functions but `rectified` run from 0 to 1 and are 1/2 at ``threshold`
 
 import torch
 from torch import Tensor
-from torch.nn.functional import softsign
 
 from dntorch.number import Number, either
 
@@ -15,6 +14,7 @@ def abs_sigmoid(u: Tensor, steepness: float, threshold: float) -> Tensor:
 
     .. math:: f_S(u) = \frac12 \left(1 + \frac{\beta (u-\mu)}{1 + \beta |u-\mu|}\right)
 
+    computed as :math:`(s + x) / 2s` with :math:`x = u - \mu` and :math:`s = |x| + 1/\beta`.
     Not a fast logistic: it differs from one by up to .082 and has an algebraic tail,
     f(-5) = 1e-3 at a steepness of 100.
 
@@ -22,7 +22,9 @@ def abs_sigmoid(u: Tensor, steepness: float, threshold: float) -> Tensor:
     every x above the threshold and tends to -1/2 below it, while the text says "bounded
     between 0 and 1".
     """
-    return 0.5 + 0.5 * softsign(steepness * (u - threshold))
+    x = u - threshold
+    scale = x.abs() + 1 / steepness
+    return (scale + x) / (scale + scale)
 
 
 def logistic(u: Tensor, steepness: float, threshold: float) -> Tensor:
@@ -38,7 +40,7 @@ def heaviside(u: Tensor, threshold: Number) -> Tensor:
 
 def rectified(u: Tensor, threshold: float) -> Tensor:
     """``u`` above the threshold, zero at and below it (threshold-linear, with a jump)."""
-    return torch.where(u > threshold, u, 0)
+    return torch.threshold(u, threshold, 0.0)
 
 
 def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
@@ -54,15 +56,15 @@ def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
 
 def finite(x: Tensor) -> Tensor:
     """``x`` with 0 in place of NaN and infinity; whole numbers as they are."""
-    return torch.where(torch.isfinite(x), x, 0) if x.is_floating_point() else x
+    return torch.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0) if x.is_floating_point() else x
 
 
-def spoilt(x: Tensor, batch: list[int]) -> Tensor:
-    """Which members of ``batch`` have a NaN or infinity; shape ``()`` for what all share."""
-    bad, dims = ~torch.isfinite(x), len(batch)
+def differ(x: Tensor, mended: Tensor, batch: list[int]) -> Tensor:
+    """In which members of ``batch`` two inputs differ; shape ``()`` for what all share."""
+    bad, dims = x != mended, len(batch)
     if list(x.shape[:dims]) != batch:
         return bad.any()
-    return bad.flatten(dims).any(-1) if x.dim() > dims else bad
+    return bad.any(list(range(dims, x.dim()))) if x.dim() > dims else bad
 
 
 def is_on(rate: Tensor) -> Tensor:
@@ -76,4 +78,4 @@ def came_on(before: Tensor, after: Tensor) -> Tensor:
     A behaviour is completed when its CoS node comes on: this is where everything that counts,
     reports or records completed behaviours gets them from.
     """
-    return is_on(after) & ~is_on(before)
+    return is_on(after) > is_on(before)

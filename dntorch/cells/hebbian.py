@@ -18,7 +18,7 @@ def hebbian_rate(
 ) -> HebbianState:
     """Right-hand side, per second. It does not depend on the weights themselves."""
     signal = (learning_rate * (reward + error)).unsqueeze(-1).unsqueeze(-1)
-    return HebbianState((1 - active) * trace * signal)
+    return HebbianState((trace - active * trace) * signal)
 
 
 def hebbian_step(
@@ -32,4 +32,4 @@ def hebbian_step(
 ) -> HebbianState:
     """One Euler step of ``dt`` seconds."""
     rate = hebbian_rate(active, trace, error, reward, learning_rate)
-    return HebbianState(state.weights + dt * rate.weights)
+    return HebbianState(state.weights.add(rate.weights, alpha=dt))

@@ -8,12 +8,21 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import abs_sigmoid
-from dntorch.number import Number, either
+from dntorch.number import Number, either, plus
 
 
 class NodeState(NamedTuple):
     u: Tensor
     """Activation, ``(*batch, n)``."""
+
+
+@either
+def node_target(
+    input: Tensor, output: Tensor, h: Number, excitation: Number, inhibition: Number
+) -> Tensor:
+    """Where the leak pulls ``u``: all of the right-hand side but ``-u``; ``output`` is f(u)."""
+    others = output.sum(-1, keepdim=True) - output
+    return plus(plus(input + h, excitation, output), -inhibition, others)
 
 
 @either
@@ -29,8 +38,7 @@ def node_rate(
 ) -> NodeState:
     """Right-hand side, per second."""
     output = abs_sigmoid(state.u, steepness, threshold)
-    others = output.sum(-1, keepdim=True) - output
-    return NodeState((-state.u + h + excitation * output - inhibition * others + input) / tau)
+    return NodeState((node_target(input, output, h, excitation, inhibition) - state.u) / tau)
 
 
 @either
@@ -46,5 +54,6 @@ def node_step(
     dt: float,
 ) -> NodeState:
     """One Euler step of ``dt`` seconds."""
-    rate = node_rate(input, state, tau, h, excitation, inhibition, steepness, threshold)
-    return NodeState(state.u + dt * rate.u)
+    output = abs_sigmoid(state.u, steepness, threshold)
+    target = node_target(input, output, h, excitation, inhibition)
+    return NodeState(state.u.lerp(target, dt / tau))

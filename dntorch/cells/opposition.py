@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 from torch import Tensor
 
-from dntorch.cells.functions import heaviside
 from dntorch.number import Number, either
 
 
@@ -19,6 +18,21 @@ class OppositionState(NamedTuple):
     """Value opposition field O, ``(*batch, n, n)``."""
     error: Tensor
     """Value cell v, the temporal-difference error without reward, ``(*batch,)``."""
+
+
+@either
+def opposed_values(
+    pulse: Tensor,
+    trace: Tensor,
+    weights: Tensor,
+    discount: Number,
+    pulse_threshold: Number,
+    trace_threshold: Number,
+) -> Tensor:
+    """Discounted value of the pair that came on, less the value of the one that went off."""
+    remembered = weights * (trace > trace_threshold)
+    onset, offset = pulse > pulse_threshold, pulse < -pulse_threshold
+    return discount * remembered * onset - remembered * offset
 
 
 @either
@@ -34,10 +48,7 @@ def opposition_rate(
     trace_threshold: Number,
 ) -> OppositionState:
     """Right-hand side, per second."""
-    onset = heaviside(pulse, pulse_threshold)
-    offset = heaviside(-pulse, pulse_threshold)
-    gated = heaviside(trace, trace_threshold) * weights
-    input = gated * (discount * onset - offset)
+    input = opposed_values(pulse, trace, weights, discount, pulse_threshold, trace_threshold)
     return OppositionState(
         (input - state.opposition) / tau,
         (state.opposition.sum((-2, -1)) - state.error) / tau_error,
@@ -58,10 +69,8 @@ def opposition_step(
     dt: float,
 ) -> OppositionState:
     """One Euler step of ``dt`` seconds."""
-    rate = opposition_rate(
-        pulse, trace, weights, state, discount, tau, tau_error, pulse_threshold, trace_threshold
-    )
+    input = opposed_values(pulse, trace, weights, discount, pulse_threshold, trace_threshold)
     return OppositionState(
-        state.opposition + dt * rate.opposition,
-        state.error + dt * rate.error,
+        state.opposition.lerp(input, dt / tau),
+        state.error.lerp(state.opposition.sum((-2, -1)), dt / tau_error),
     )

@@ -30,8 +30,7 @@ def transient_rate(input: Tensor, state: TransientState, tau: Number) -> Transie
 @either
 def transient_step(input: Tensor, state: TransientState, tau: Number, dt: float) -> TransientState:
     """One Euler step of ``dt`` seconds."""
-    rate = transient_rate(input, state, tau)
     return TransientState(
-        state.pulse + dt * rate.pulse,
-        state.inhibitory + dt * rate.inhibitory,
+        state.pulse.lerp(input - state.inhibitory, dt / tau),
+        state.inhibitory.lerp(input, dt / tau),
     )

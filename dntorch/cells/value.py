@@ -7,10 +7,9 @@ r"""Value nodes: read the learned values of the current state, normalised over a
 
 from typing import NamedTuple
 
-import torch
 from torch import Tensor
 
-from dntorch.cells.functions import heaviside
+from dntorch.cells.functions import is_on
 from dntorch.number import Number, either
 
 
@@ -25,9 +24,9 @@ def normalized_values(satisfaction: Tensor, weights: Tensor, baseline: Tensor) -
     ``weights`` is ``[action, state]``; ``satisfaction`` the output of the CoS nodes. Outputs
     below 1/2 are ignored; small outputs of resting nodes would sum to a spurious state.
     """
-    state = heaviside(satisfaction, 0.5)
-    learned = torch.matmul(weights, state.unsqueeze(-1)).squeeze(-1).clamp_min(0.0)
-    total = (learned + baseline * (1 - state)).clamp_min(1e-9)  # a sum of 0 has no shares
+    state = is_on(satisfaction)
+    learned = (weights * state.unsqueeze(-2)).sum(-1).clamp_min(0.0)
+    total = (learned + baseline * ~state).clamp_min(1e-9)  # a sum of 0 has no shares
     return total / total.sum(-1, keepdim=True)
 
 
@@ -49,5 +48,5 @@ def value_step(
     dt: float,
 ) -> ValueState:
     """One Euler step of ``dt`` seconds."""
-    rate = value_rate(satisfaction, weights, state, baseline, tau)
-    return ValueState(state.value + dt * rate.value)
+    shares = normalized_values(satisfaction, weights, baseline)
+    return ValueState(state.value.lerp(shares, dt / tau))

@@ -3,8 +3,8 @@ r"""Item-and-order working memory: a recurrent on-center off-surround shunting n
 .. math:: \tau \dot u_m = (1-u_m)(\alpha q_m + \beta u_m)
                         - u_m\Big(\alpha \sum_{k \neq m} q_k + \beta \sum_{k \neq m} u_k\Big)
 
-which is the same as :math:`\alpha q_m + \beta u_m - u_m (\alpha Q + \beta U)` with the sums
-Q and U over all cells: the form computed here, without a sum per cell.
+which is the same as :math:`d_m - u_m D` with the drive :math:`d_m = \alpha q_m + \beta u_m` and
+its sum D over all cells: the form computed here, without a sum per cell.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from dntorch.cells.functions import rectified
-from dntorch.number import Number, either
+from dntorch.number import Number, either, plus
 
 
 class WorkingMemoryState(NamedTuple):
@@ -30,7 +30,7 @@ def working_memory_rate(
     threshold: float,
 ) -> WorkingMemoryState:
     """Right-hand side, per second. The last two dimensions are one field of cells."""
-    drive = excitation * rectified(pulse, threshold) + feedback * state.u
+    drive = plus(excitation * rectified(pulse, threshold), feedback, state.u)
     total = drive.sum((-2, -1), keepdim=True)
     return WorkingMemoryState((drive - state.u * total) / tau)
 
@@ -47,11 +47,10 @@ def working_memory_step(
 ) -> WorkingMemoryState:
     r"""One Euler step of ``dt`` seconds, shortened where strong pulses would make it overshoot.
 
-    With :math:`\Delta (\alpha Q + \beta U) \le \tau` the step goes at most to the goal
-    :math:`(\alpha q + \beta u) / (\alpha Q + \beta U)`, which lies between 0 and 1, as u does.
+    A step of :math:`\Delta / \tau`, or of :math:`1 / D` where that is less, goes at most to the
+    goal :math:`d_m / D`, which lies between 0 and 1, as u does.
     """
     pulse = pulse.clamp_max(tau / (dt * excitation))  # alone it fills the memory in one step
-    rate = working_memory_rate(pulse, state, tau, excitation, feedback, threshold)
-    drive = excitation * rectified(pulse, threshold) + feedback * state.u
+    drive = plus(excitation * rectified(pulse, threshold), feedback, state.u)
     total = drive.sum((-2, -1), keepdim=True)
-    return WorkingMemoryState(state.u + dt * rate.u / (dt * total / tau).clamp_min(1.0))
+    return WorkingMemoryState(state.u + (drive - state.u * total) / total.clamp_min(tau / dt))

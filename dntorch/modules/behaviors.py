@@ -8,7 +8,7 @@ from dntorch.cells.node import NodeState
 from dntorch.checks import check_count, check_ends, check_positive
 from dntorch.dynamics import Dynamics, check_parts
 from dntorch.modules.node import NodeWTA
-from dntorch.number import Number, span, wide
+from dntorch.number import Number, plus, span, wide
 
 
 class BehaviorState(NamedTuple):
@@ -104,13 +104,21 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         )
 
     def euler(self, value: Tensor, match: Tensor, state: BehaviorState) -> BehaviorState:
+        return self.relax(value, match, self.output(state), state)
+
+    def relax(
+        self, value: Tensor, match: Tensor, output: tuple[Tensor, Tensor], state: BehaviorState
+    ) -> BehaviorState:
+        """`euler` for a composite that knows the output already."""
         check_ends("value", value, [self.n])
         check_ends("match", match, [self.n])
-        intention, satisfaction = self.output(state)
+        intention, satisfaction = output
         others = intention.sum(-1, keepdim=True) - intention
-        drive = wide(self.value_gain, 1) * value - wide(self.completion_gain, 1) * satisfaction
-        percept = wide(self.match_gain, 1) * match - wide(self.intention_gain, 1) * others
+        drive = plus(
+            wide(self.value_gain, 1) * value, -wide(self.completion_gain, 1), satisfaction
+        )
+        percept = plus(wide(self.match_gain, 1) * match, -wide(self.intention_gain, 1), others)
         return BehaviorState(
-            self.intention.euler(drive, state.intention),
-            self.satisfaction.euler(percept, state.satisfaction),
+            self.intention.relax(drive, intention, state.intention),
+            self.satisfaction.relax(percept, satisfaction, state.satisfaction),
         )

@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from dntorch.cells.functions import abs_sigmoid
-from dntorch.cells.node import NodeState, node_step
+from dntorch.cells.node import NodeState, node_target
 from dntorch.checks import check_count, check_ends, check_negative, check_time_constant
 from dntorch.dynamics import Dynamics
 from dntorch.number import Number, wide
@@ -83,7 +83,10 @@ class NodeWTA(Dynamics[NodeState]):
 
     def euler(self, input: Tensor, state: NodeState) -> NodeState:
         check_ends("input", input, [self.n])
-        tau, h = wide(self.tau, 1), wide(self.h, 1)
-        excitation, inhibition = wide(self.excitation, 1), wide(self.inhibition, 1)
-        gains = excitation, inhibition, self.steepness, self.threshold
-        return node_step(input, state, tau, h, *gains, self.dt)
+        return self.relax(input, self.output(state), state)
+
+    def relax(self, input: Tensor, output: Tensor, state: NodeState) -> NodeState:
+        """`euler` for a composite that knows the output already, and the shape of the input."""
+        gains = wide(self.h, 1), wide(self.excitation, 1), wide(self.inhibition, 1)
+        target = node_target(input, output, *gains)
+        return NodeState(state.u.lerp(target, self.dt / wide(self.tau, 1)))

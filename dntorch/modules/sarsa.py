@@ -5,7 +5,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.cells.functions import came_on, finite, spoilt
+from dntorch.cells.functions import came_on, differ, finite
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.value import ValueState
 from dntorch.checks import check_count, check_ends
@@ -147,6 +147,10 @@ class DNSarsa(Dynamics[AgentState]):
     def output(self, state: AgentState) -> Tensor:
         """The action."""
         intention, _ = self.behaviors.output(state.behaviors)
+        return self.act(intention, state)
+
+    def act(self, intention: Tensor, state: AgentState) -> Tensor:
+        """The action for intentions that are known already."""
         inner = self.sensorimotor.nested(state.sensorimotor)
         return self.sensorimotor.limit(self.sensorimotor.act(intention, inner))
 
@@ -158,44 +162,57 @@ class DNSarsa(Dynamics[AgentState]):
         check_ends("reward", reward, [])
         batch, dtype = list(state.decisions.shape), state.learner.values.weights.dtype
         reward, noise = reward.to(dtype), noise.to(dtype)
-        bad = spoilt(reward, batch) | spoilt(noise, batch)
+        given = reward, noise
+        reward, noise = finite(reward), finite(noise)
+        bad = differ(given[0], reward, batch) | differ(given[1], noise, batch)
         seen: dict[str, Tensor] = {}
         for name, value in self.sensorimotor.sense(observation).items():
             if value.is_floating_point():
                 value = value.to(dtype)
-                bad = bad | spoilt(value, batch)
-            seen[name] = finite(value)
-        reward, noise = finite(reward), finite(noise)
-        before = self.behaviors.satisfaction.output(state.behaviors.satisfaction)
+                seen[name] = finite(value)
+                bad = bad | differ(value, seen[name], batch)
+            else:
+                seen[name] = value
+        before = rates = self.behaviors.output(state.behaviors)
         for _ in range(self.substeps):
-            ahead = self.substep(seen, reward, noise, state)
+            ahead = self.substep(seen, reward, noise, rates, state)
             if self.integrator == "heun":
-                ahead = self.halfway(state, self.substep(seen, reward, noise, ahead))
+                rates = self.behaviors.output(ahead.behaviors)
+                further = self.substep(seen, reward, noise, rates, ahead)
+                ahead = self.halfway(state, further)
             state = ahead
-        after = self.behaviors.satisfaction.output(state.behaviors.satisfaction)
-        completed = came_on(before, after).any(-1)
+            rates = self.behaviors.output(state.behaviors)
+        completed = came_on(before[1], rates[1]).any(-1)
         state = AgentState(
             state.sensorimotor,
             state.behaviors,
             state.value_nodes,
             state.learner,
-            state.decisions + completed.to(torch.int64),
-            state.ignored + bad.to(torch.int64),
+            state.decisions + completed,
+            state.ignored + bad,
         )
-        return self.output(state), state
+        return self.act(rates[0], state), state
 
     def substep(
-        self, observation: dict[str, Tensor], reward: Tensor, noise: Tensor, state: AgentState
+        self,
+        observation: dict[str, Tensor],
+        reward: Tensor,
+        noise: Tensor,
+        rates: tuple[Tensor, Tensor],
+        state: AgentState,
     ) -> AgentState:
-        """All parts advance together, from what they were at the beginning of the step."""
-        intention, satisfaction = self.behaviors.output(state.behaviors)
+        """All parts advance together, from what they were at the beginning of the step.
+
+        ``rates`` is the output of the behaviours: firing rates of intentions and CoS nodes.
+        """
+        intention, satisfaction = rates
         weights = state.learner.values.weights
         inner = self.sensorimotor.nested(state.sensorimotor)
         match = self.sensorimotor.match(observation, inner).clamp(-100.0, 100.0)
         inner = self.sensorimotor.advance(observation, intention, inner)
         return AgentState(
             self.sensorimotor.flat(inner),
-            self.behaviors.euler(state.value_nodes.value, match, state.behaviors),
+            self.behaviors.relax(state.value_nodes.value, match, rates, state.behaviors),
             self.value_nodes.euler(satisfaction, weights + noise, state.value_nodes),
             self.learner.euler(intention, satisfaction, reward, state.learner),
             state.decisions,

@@ -97,6 +97,8 @@ class Sensorimotor(Dynamics[S]):
         return seen
 
     def limit(self, action: Tensor) -> Tensor:
+        if self.max_speed == math.inf:
+            return action
         return action.clamp(-self.max_speed, self.max_speed)
 
 
