@@ -62,6 +62,15 @@ def can_compile() -> bool:
     return any(shutil.which(name) for name in (os.environ.get("CXX", ""), "g++", "clang++") if name)
 
 
+LONG = 20_000
+"""Control steps from which on a run wins back the time that compiling takes."""
+
+
+def pays(steps: int) -> bool:
+    """Whether to compile the step of a run: it is long, and there is a C++ compiler."""
+    return steps >= LONG and can_compile()
+
+
 def commit() -> str | None:
     """The commit of the source tree, with a mark if files differ from it; None if installed."""
     here = Path(__file__)

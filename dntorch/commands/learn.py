@@ -1,13 +1,17 @@
 """The command that trains one agent."""
 
+import sys
+from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from dntorch.commands.common import OF_A_RUN, RUNS, Computing, new_folder, refuse_options
-from dntorch.commands.options import build_config, options_of_a_run
-from dntorch.process import end_when_asked
+from dntorch.commands.options import COMPILE, build_config, options_of_a_run
+from dntorch.process import end_when_asked, pays
+from dntorch.runs.config import Config
 from dntorch.runs.logs import LOGGERS, open_log
 from dntorch.runs.worlds import WORLDS
 
@@ -41,8 +45,9 @@ DEFAULT_SEED = 1
 @click.option(
     "--log", type=click.Choice(LOGGERS), help="Log progress, with TorchRL's loggers, in OUT/log."
 )
+@COMPILE
 @click.pass_context
-def learn(context, file, out, resume, checkpoint_every, video, log, **options) -> None:
+def learn(context, file, out, resume, checkpoint_every, video, log, compiled, **options) -> None:
     """Train one agent and write a report.
 
     It explores at random, then exploits what it learned, and learns all along. The folder
@@ -55,12 +60,25 @@ def learn(context, file, out, resume, checkpoint_every, video, log, **options) -
         refuse_options(context, {"resume", "checkpoint_every", "video", "log"}, OF_A_RUN)
         trial, folder = Trial.load(resume / CHECKPOINT), resume
     else:
-        config = build_config(file, options)
-        trial = Trial(config)  # raises for a value that makes none, before there is a folder
+        config = within_reach(build_config(file, options))
+        # Raises for a value that makes none, before there is a folder.
+        trial = Trial(config, compiled and pays(config.steps))
         folder = out or Path("runs") / f"{config.world}-seed{config.seed}"
         new_folder(folder, RUNS, f"go on with --resume {folder} or name another")
         trial.save(folder / CHECKPOINT)
     _train(trial, folder, checkpoint_every, video, open_log(log, folder) if log else None)
+
+
+def within_reach(config: Config) -> Config:
+    """The same run in a world that can be had here."""
+    if config.world != "epuck" or find_spec("pybullet"):
+        return config
+    click.echo(
+        "PyBullet is not installed (it has wheels for Linux and Python 3.10 and 3.11): the run "
+        "goes to --world ring, the same ring of blocks seen in torch",
+        err=True,
+    )
+    return replace(config, world="ring")
 
 
 def _train(trial: "Trial", folder: Path, checkpoint_every: int, video: bool, log=None) -> None:
@@ -78,6 +96,8 @@ def _train(trial: "Trial", folder: Path, checkpoint_every: int, video: bool, log
                 behaviors=len(trial.record.behaviors), rewards=len(trial.record.rewards),
                 refresh=False,
             )  # fmt: skip
+            if trial.compiled and bar.n == begun_at:
+                bar.write(f"compiled the step in {trial.engine.compiling:.0f} s", sys.stderr)
             bar.update(trial.step - bar.n)
             if log:
                 log(trial)

@@ -66,6 +66,14 @@ def _take_defaults(context: click.Context, _: click.Parameter, file: Path | None
     return file
 
 
+COMPILE = click.option(
+    "--compile/--no-compile",
+    "compiled",
+    default=True,
+    show_default=True,
+    help="Compile the step where a run is long and a C++ compiler is there.",
+)
+
 _FILE = click.option(
     "--config",
     "file",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dntorch.commands.common import Computing, refuse_options
-from dntorch.commands.options import build_config, options_of_a_run
+from dntorch.commands.options import COMPILE, build_config, options_of_a_run
 from dntorch.process import end_when_asked
 from dntorch.runs.config import Config
 from dntorch.runs.settings import FIELDS, WORDS
@@ -67,8 +67,11 @@ if TYPE_CHECKING:
     show_default=True,
     help="Folder of the sweep; called again, it goes on with what is not finished.",
 )
+@COMPILE
 @click.pass_context
-def sweep(context, file, seeds, settings, out, batch, checkpoint_every, **options) -> None:
+def sweep(
+    context, file, seeds, settings, out, batch, checkpoint_every, compiled, **options
+) -> None:
     """Train many agents and write one table.
 
     Each run has a folder of its own with results.json, checkpoint.pt and record.npz; table.csv,
@@ -83,7 +86,7 @@ def sweep(context, file, seeds, settings, out, batch, checkpoint_every, **option
     first = {name: values[0] for name, values in varied.items() if name in options}
     configs = sweeps.grid(build_config(file, options | first), _seeds(seeds), varied)
     _check(configs)
-    tasks = sweeps.plan(configs, out.absolute(), batch, checkpoint_every)
+    tasks = sweeps.plan(configs, out.absolute(), batch, checkpoint_every, compiled)
     running = _start(tasks, out, **where)
     end_when_asked()
     rows, failed = _follow(running, len(configs))

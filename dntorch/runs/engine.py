@@ -6,6 +6,7 @@ The same for one agent and for a batch, eager and compiled, whatever is remember
 is compiled together with the agent; before another one the agent alone is.
 """
 
+import time
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
@@ -73,14 +74,16 @@ class Engine:
         self.portion = max(1, round(SECONDS / agent.dt))
         self.dtype = agent.weights.dtype
         self.moment = self._first(state)
-        self.in_place = compiled and world.pure
+        self.in_place, self._fused = compiled and world.pure, None
         if self.in_place:
             with torch.inference_mode():  # as every step: the compiler tells the two kinds apart
                 self.moment = pytree.tree_map(innermost, self.moment)
-            self._step = Fused(self._step)
+            self._step = Alternating(self._step)
+            self._fused = self._step.write
         elif compiled:
-            self._decide = torch.compile(self._decide, fullgraph=True, dynamic=False)
+            self._decide = self._fused = Compiled(self._decide)
 
+    @torch.inference_mode()
     def _first(self, state: Any) -> Moment:
         agent = self.agent.state
         observation = self.world.observe(state)
@@ -148,6 +151,11 @@ class Engine:
         self.memory.collect(moment.log, first, taken)
         return taken
 
+    @property
+    def compiling(self) -> float:
+        """Seconds that compiling took so far, 0 where nothing is compiled."""
+        return self._fused.seconds if self._fused else 0.0
+
     def _crowded(self, moment: Moment, chance: Chance) -> bool:
         """Whether a table of chance or events might be full before the next look.
 
@@ -171,7 +179,25 @@ def overwrite(moment: Moment, other: Moment) -> None:
             own.copy_(new)
 
 
-class Fused:
+class Compiled:
+    """A compiled function, which says how long its first call took."""
+
+    def __init__(self, function: Callable) -> None:
+        self.function = torch.compile(function, fullgraph=True, dynamic=False)
+        self.seconds = 0.0
+
+    def __call__(self, *inputs: Any) -> Any:
+        if self.seconds:
+            # The inputs of all calls are alike: not even the guards need a look.
+            with torch.compiler.set_stance("default", skip_guard_eval_unsafe=True):
+                return self.function(*inputs)
+        began = time.monotonic()
+        result = self.function(*inputs)
+        self.seconds = time.monotonic() - began
+        return result
+
+
+class Alternating:
     """A compiled step between two moments of fixed addresses, which take turns.
 
     What is read is never written in the same step, so nothing is copied twice, and the
@@ -182,16 +208,13 @@ class Fused:
         def write(moment: Moment, chance: Chance, target: Moment) -> None:
             overwrite(target, step(moment, chance))
 
-        self.step, self.write = step, torch.compile(write, fullgraph=True, dynamic=False)
+        self.step, self.write = step, Compiled(write)
         self.target: Moment | None = None
 
     def __call__(self, moment: Moment, chance: Chance) -> Moment:
         if self.target is None:
             self.target = self._spare(moment, chance)
-            self.write(moment, chance, self.target)
-        else:
-            with torch.compiler.set_stance("default", skip_guard_eval_unsafe=True):
-                self.write(moment, chance, self.target)
+        self.write(moment, chance, self.target)
         self.target, moment = moment, self.target
         return moment
 

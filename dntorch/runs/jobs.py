@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from dntorch import files
-from dntorch.process import can_compile
+from dntorch.process import pays
 from dntorch.runs.group import Group
 from dntorch.runs.pool import Report, in_processes
 from dntorch.runs.run import Run
@@ -61,7 +61,8 @@ def work(piece: Piece, report: Report) -> None:
     group = piece.job.group
     if not piece.done.exists():
         torch.compiler.reset()  # one worker compiles for many groups
-        run, path = Run(group, events=True, compiled=can_compile()), piece.done.with_suffix(".pt")
+        path, compiled = piece.done.with_suffix(".pt"), pays(group.config.steps)
+        run = Run(group, events=True, compiled=compiled)
         if path.exists():
             run.restore(path)
         train(run, path, SAVE_EVERY, lambda run: report(run.step))

@@ -9,6 +9,7 @@ from torch.utils import _pytree as pytree
 
 from dntorch import files
 from dntorch.modules.sarsa import DNSarsa
+from dntorch.process import can_compile
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
 from dntorch.runs.engine import Engine
@@ -45,6 +46,7 @@ class Run:
         compiled: bool = False,
     ) -> None:
         self.group = group if isinstance(group, Group) else Group(group)
+        self.compiled = compiled
         self.config, batch = self.group.config, self.group.batch
         if batch and not WORLDS[self.config.world].batched:
             raise ValueError(
@@ -119,6 +121,7 @@ class Run:
             "group": self.group.description(),
             "config": asdict(self.config),
             "step": self.step,
+            "compiled": self.compiled,
             "agent": self.agent.snapshot(),
             "world": self.world.snapshot(moment.world),
             "seen": [moment.observation, moment.reward],
@@ -161,8 +164,8 @@ class Trial(Run):
         super().__init__(config, compiled=compiled)
 
     @classmethod
-    def load(cls, path: Path, compiled: bool = False) -> "Trial":
-        """Go on from a checkpoint.
+    def load(cls, path: Path) -> "Trial":
+        """Go on from a checkpoint, compiled if it was and a compiler is there.
 
         Raises:
             ValueError: no checkpoint, a damaged one, or one of another architecture.
@@ -173,6 +176,7 @@ class Trial(Run):
                 f"{path} holds learned values and no world: use it with export or robot run"
             )
         try:
+            compiled = content["compiled"] and can_compile()
             return cls(Config(**content["config"]), compiled).restore(path)
         except (KeyError, TypeError) as error:
             raise ValueError(f"{path} is of another version of dntorch: {error}") from error

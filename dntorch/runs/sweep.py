@@ -13,6 +13,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from dntorch.process import pays
 from dntorch.runs import train as training
 from dntorch.runs.config import Config
 from dntorch.runs.group import INDIVIDUAL, Group
@@ -29,6 +30,8 @@ class Batch(NamedTuple):
     configs: tuple[Config, ...]
     root: Path
     save_every: int = 5_000
+    compiled: bool = True
+    """where it pays"""
 
 
 def grid(base: Config, seeds: list[int], settings: dict[str, list[Any]]) -> list[Config]:
@@ -45,7 +48,13 @@ def grid(base: Config, seeds: list[int], settings: dict[str, list[Any]]) -> list
     return [replace(base, **values, seed=seed) for values in chosen for seed in seeds]
 
 
-def plan(configs: list[Config], root: Path, batch: int = 1, save_every: int = 5_000) -> list[Batch]:
+def plan(
+    configs: list[Config],
+    root: Path,
+    batch: int = 1,
+    save_every: int = 5_000,
+    compiled: bool = True,
+) -> list[Batch]:
     """Tasks of up to ``batch`` runs each, which have the same world, task and length.
 
     Raises:
@@ -62,7 +71,7 @@ def plan(configs: list[Config], root: Path, batch: int = 1, save_every: int = 5_
         alike = replace(Config(), **{n: getattr(config, n) for n in shared(config)})
         groups.setdefault(alike, []).append(config)
     parts = [g[k : k + batch] for g in groups.values() for k in range(0, len(g), batch)]
-    return [Batch(tuple(part), root, save_every) for part in parts]
+    return [Batch(tuple(part), root, save_every, compiled) for part in parts]
 
 
 def shared(config: Config) -> list[str]:
@@ -95,7 +104,9 @@ def run(batch: Batch, report: Report = lambda steps: True) -> Table:
 
 def _run(batch: Batch, folders: list[Path], report: Report) -> None:
     together = len(folders) > 1
-    work = Run(Group.of(batch.configs)) if together else Trial(batch.configs[0])
+    compiled = batch.compiled and pays(batch.configs[0].steps)
+    group = Group.of(batch.configs) if together else batch.configs[0]
+    work = Run(group, compiled=compiled) if together else Trial(group, compiled)
     path = folders[0] / ("batch.pt" if together else training.CHECKPOINT)
     if path.exists():
         work.restore(path)
