@@ -112,7 +112,8 @@ def build() -> ctypes.CDLL:
 def floor_of(world: RingWorld, state, image: torch.Tensor):
     """A call of the floor that fills ``image``, ``(batch, 3, 39, 52)``."""
     camera, draw = world.camera, build().draw
-    parts = state.wheels, state.layout, image, camera.paints, camera.lamp, camera.floor
+    shading = camera.shading
+    parts = state.wheels, state.layout, image, shading.paints, shading.lamp, camera.floor
     wheels, layout, out, paints, lamp, floor = (ctypes.c_void_p(p.data_ptr()) for p in parts)
     focal = ctypes.c_float(world.body.focal)
     return lambda: draw(wheels, layout, out, len(image), paints, lamp, floor, focal)

@@ -6,15 +6,9 @@ software renderer of PyBullet, is the scene at its integer column and row, not a
 
 .. math:: u_c = (W/2 - c) / f, \qquad v_r = (H/2 - 1 - r) / f
 
-are its slopes to the left and upwards, and its colour under a lamp :math:`l` is
-
-.. math:: \lfloor p (a + l_c (k_d \max(0, n \cdot l) + k_s \max(0, r_z)^2)) \rfloor
-
-with paint :math:`p`, the lamp's colour :math:`l_c`, its coefficients :math:`a, k_d, k_s`, the
-normal :math:`n` and the reflection :math:`r = 2 (n \cdot l) n - l`.
+are its slopes to the left and upwards. Colours: `dntorch.envs.shading`.
 """
 
-import colorsys
 import math
 from typing import NamedTuple
 
@@ -22,7 +16,6 @@ import torch
 from torch import Tensor
 
 from dntorch.body import Body
-from dntorch.colors import HUES
 from dntorch.envs import raycast
 from dntorch.envs.layout import Light, Ring
 from dntorch.envs.senses import (
@@ -31,10 +24,10 @@ from dntorch.envs.senses import (
     PROXIMITY_TABLE,
     proximity_reading,
 )
+from dntorch.envs.shading import Shading
 
-#: Half width of the floor, and its paint from 0 to 1.
-FLOOR, GRAY = 1.5, 0.5
-BACKGROUND = 255
+#: m, half width of the floor; brightness of what is behind it.
+FLOOR, BACKGROUND = 1.5, 255
 
 
 class Walls(NamedTuple):
@@ -86,15 +79,8 @@ class RingCamera:
         self.slope = (body.width / 2 - torch.arange(body.width).to(self.turn)) / body.focal
         whole = torch.uint8 if body.height < 256 else torch.int16
         self.row = torch.arange(body.height, dtype=whole, device=device).unsqueeze(-1)
-        paints = [colorsys.hsv_to_rgb(HUES[letter] / 360, 1, 1) for letter in colors]
-        self.paints = tensor([[float(int(255 * part)) for part in paint] for paint in paints])
-        lamp = tensor(light.direction) / math.hypot(*light.direction)
-        self.lamp, self.light_color = lamp, tensor(light.color)
-        gloss = light.specular * (-lamp[2]).clamp_min(0).square()  # of an upright wall
-        self.gloss = self.light_color * gloss
-        gray, gloss = tensor([float(int(255 * GRAY))] * 3), light.specular * lamp[2].square()
-        above = (lamp[2] > 0) * (light.diffuse * lamp[2] + gloss)
-        self.floor = (gray * (light.ambient + self.light_color * above)).to(whole)
+        self.shading = Shading(light, colors, tensor)
+        self.floor = self.shading.floor.to(whole)[:, None, None]
         self.sensors, self.table = tensor(PROXIMITY_SENSORS), tensor(PROXIMITY_TABLE)
 
     # ---------------------------------------------------------------- camera
@@ -134,7 +120,7 @@ class RingCamera:
         # One tensor of bytes: what follows is done for each pixel, what came before is not.
         column = torch.cat((top, low, self._color(walls, layout).movedim(-1, -2)), -2)
         top, low, color = column.unsqueeze(-2).split([1, 1, 3], -3)
-        below = torch.where(self.row < low, color, self.floor[:, None, None])
+        below = torch.where(self.row < low, color, self.floor)
         return torch.where(self.row < top, BACKGROUND, below).to(torch.uint8).movedim(-3, -1)
 
     def _edges(self, walls: Walls) -> tuple[Tensor, Tensor]:
@@ -148,15 +134,14 @@ class RingCamera:
         return tuple(edge.clamp(0, height).to(self.row.dtype).unsqueeze(-2) for edge in edges)
 
     def _color(self, walls: Walls, layout: Tensor) -> Tensor:
-        paint = self.paints[layout.gather(-1, walls.block)]
-        lit = self.light.diffuse * walls.diffuse.unsqueeze(-1) * self.light_color
-        return (paint * (lit + self.gloss + self.light.ambient)).clamp_max(255).to(self.row.dtype)
+        paint = layout.gather(-1, walls.block)
+        return self.shading.walls(paint, walls.diffuse).to(self.row.dtype)
 
     def _diffuse(self, normal: tuple[Tensor, Tensor], block: Tensor) -> Tensor:
-        along, across = self.facing
+        lamp, (along, across) = self.shading.lamp, self.facing
         lamp = (
-            self.lamp[0] * along + self.lamp[1] * across,
-            self.lamp[1] * along - self.lamp[0] * across,
+            lamp[0] * along + lamp[1] * across,
+            lamp[1] * along - lamp[0] * across,
         )
         return (normal[0] * lamp[0][block] + normal[1] * lamp[1][block]).clamp_min(0)
 

@@ -1,7 +1,7 @@
 """The ring in torch beside PyBullet: the same scenes, pixel by pixel.
 
 For boxes and cylinders and two layouts each, robots at random poses (a third in the middle of
-the ring, a third within 3 cm, a third within 15 cm) photograph the ring with both. Prints for
+the ring, a third within 3 cm, a third within 20 cm) photograph the ring with both. Prints for
 each: pixels that differ at all and by more than 2 levels of 255 in any channel, the largest
 difference of the share of a hue in a column, how far the blocks that both see are apart in
 columns, and the largest difference of bearings and of proximity readings. A minute.
@@ -32,7 +32,7 @@ PAINTS = np.array([colorsys.hsv_to_rgb(HUES[letter] / 360, 1, 1) for letter in P
 def draw_poses(count: int, seed: int) -> np.ndarray:
     """x, y (m) and yaw (rad) of ``count`` robots."""
     random = np.random.default_rng(seed)
-    far = np.array([0.0, 0.03, 0.15])[np.arange(count) % 3]
+    far = np.array([0.0, 0.03, 0.20])[np.arange(count) % 3]
     place = random.uniform(-1, 1, (count, 2)) * far[:, None]
     return np.column_stack((place, random.uniform(-math.pi, math.pi, count)))
 
