@@ -114,9 +114,7 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         check_ends("match", match, [self.n])
         intention, satisfaction = output
         others = intention.sum(-1, keepdim=True) - intention
-        drive = plus(
-            wide(self.value_gain, 1) * value, -wide(self.completion_gain, 1), satisfaction
-        )
+        drive = plus(wide(self.value_gain, 1) * value, -wide(self.completion_gain, 1), satisfaction)
         percept = plus(wide(self.match_gain, 1) * match, -wide(self.intention_gain, 1), others)
         return BehaviorState(
             self.intention.relax(drive, intention, state.intention),
