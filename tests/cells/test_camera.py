@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from dntorch.cells.color import hue_columns, hue_saturation_value
+from dntorch.cells.color import hue_bins, hue_columns, hue_saturation_value
 from dntorch.colors import HUES
 from dntorch.modules.field import DNF
 from dntorch.modules.find_color import FindColor
@@ -106,6 +106,51 @@ def test_images_of_a_batch_are_counted_apart():
     together = hue_columns(image, 24, 0.35, 0.16)
     assert together.shape == (2, 3, 24, 8)
     assert torch.equal(together[1, 2], hue_columns(image[1, 2], 24, 0.35, 0.16))
+
+
+def exact_bins(image, hues):
+    """Bin of each pixel in whole numbers: round a fraction, halves to the even neighbour."""
+    channels = image.astype(np.int64)
+    value, order = channels.max(-1), channels.argmax(-1)
+    chroma = value - channels.min(-1)
+    after, next_after = (
+        np.take_along_axis(channels, ((order + k) % 3)[..., None], -1)[..., 0] for k in (1, 2)
+    )
+    over, under = hues * (after - next_after + 2 * order * chroma), 6 * np.maximum(chroma, 1)
+    low, rest = np.divmod(over, under)
+    up = (2 * rest > under) | ((2 * rest == under) & (low % 2 == 1))
+    return (low + up) % hues
+
+
+@pytest.mark.parametrize("hues", [1, 2, 5, 7, 24, 36, 300])
+@images
+def test_bins_are_those_of_whole_numbers(image, hues):
+    """So that no rounding decides, on any machine, eager or compiled."""
+    bins = hue_bins(torch.from_numpy(image), hues, 0.0, 0.0).numpy()
+    np.testing.assert_array_equal(bins, exact_bins(image, hues))
+
+
+@images
+def test_too_gray_and_too_dark_pixels_are_in_no_bin(image):
+    _, saturation, value = hsv(image)
+    bins = hue_bins(torch.from_numpy(image), 24, 0.35, 0.16).numpy()
+    np.testing.assert_array_equal(bins == 24, ~((saturation >= 0.35) & (value >= 0.16)))
+
+
+def test_the_order_of_an_image_in_memory_does_not_matter():
+    image = torch.from_numpy(np.random.default_rng(3).integers(0, 256, (2, 9, 8, 3), np.uint8))
+    outermost = image.movedim(-1, 0).contiguous().movedim(0, -1)
+    assert outermost.stride() != image.stride()
+    expected = hue_columns(image, 24, 0.35, 0.16)
+    assert torch.equal(hue_columns(outermost, 24, 0.35, 0.16), expected)
+    assert torch.equal(hue_columns(image.flip(2), 24, 0.35, 0.16), expected.flip(-1))
+
+
+def test_an_image_may_be_high_and_hues_many():
+    image = torch.zeros(700, 2, 3, dtype=torch.uint8)
+    image[:600, :, 2] = 255
+    columns = hue_columns(image, 300, 0.35, 0.16)
+    assert (columns[200] == 600 / 700).all() and columns.sum() == columns[200].sum()
 
 
 # Find colour
