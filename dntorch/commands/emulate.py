@@ -10,7 +10,6 @@ import click
 from dntorch.colors import PAPER
 from dntorch.commands.common import Computing
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
-from dntorch.envs.task import SequenceTask
 from dntorch.process import end_when_asked
 
 if TYPE_CHECKING:
@@ -38,6 +37,8 @@ def emulate(host: str, port: int, pty: bool, colors: str, **options: Any) -> Non
     As with the real one, nothing stops the motors but a command. Ctrl-C ends it.
     """
     end_when_asked()
+    from dntorch.envs.task import SequenceTask
+
     with closing(_server(host, port, pty)) as server:
         emulator = build_emulator(server, world={"task": SequenceTask(colors=colors)}, **options)
         with emulator, suppress(KeyboardInterrupt):

@@ -112,7 +112,7 @@ def test_toml_without_its_reader_is_one_sentence(tmp_path: Path, monkeypatch) ->
         ("a.json", '{"config": {"seed": true}}', ["seed=True", "give a whole number"]),
         ("a.json", '{"config": {"dt": null}}', ["dt=None", "give a number"]),
         ("a.json", '{"config": {"colors": 3}}', ["colors=3", "give a text"]),
-        ("a.json", '{"config": {"world": "mars"}}', ["world='mars'", "epuck, nodes"]),
+        ("a.json", '{"config": {"world": "mars"}}', ["world='mars'", "epuck, ring, nodes"]),
         ("a.json", '{"config": {"dt": -1.0}}', ["a.json", "dt=-1.0", "positive"]),
     ],
 )

@@ -14,6 +14,7 @@ import torch
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
 
+from dntorch.modules.behaviors import ElementaryBehaviors
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
 from dntorch.runs.record import Record
@@ -24,7 +25,7 @@ from dntorch.show.report import write_report
 def play(config: Config, steps: int, rewarded: bool = True) -> Record:
     """A made-up record: behaviours of 20 steps that repeat the sequence."""
     n = len(config.colors)
-    record, random = Record(config.steps, n), np.random.default_rng(0)
+    record, random = Record(config.steps, ElementaryBehaviors(n)), np.random.default_rng(0)
     order = [config.colors.index(letter) for letter in config.sequence[:-1]]
     for t in range(steps):
         state, now = order[(t // 20 - 1) % len(order)], order[t // 20 % len(order)]
