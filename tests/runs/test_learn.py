@@ -127,7 +127,17 @@ def test_a_run_killed_five_times_ends_as_the_uninterrupted_one(tmp_path: Path) -
 def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path: Path) -> None:
     out = tmp_path / "run"
     with subprocess.Popen(
-        [sys.executable, "-m", "dntorch.cli", "learn", "--world", "nodes", "--out", str(out)],
+        [
+            sys.executable,
+            "-m",
+            "dntorch.cli",
+            "learn",
+            "--world",
+            "nodes",
+            "--no-compile",
+            "--out",
+            out,
+        ],
         stderr=subprocess.PIPE,
         text=True,
     ) as process:

@@ -1,0 +1,108 @@
+"""One engine: alone, in a batch, compiled and resumed it is the same run."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch.utils import _pytree as pytree
+
+from dntorch.process import can_compile
+from dntorch.runs.config import Config
+from dntorch.runs.group import Group
+from dntorch.runs.run import Run, Trial
+from dntorch.runs.worlds import WORLDS
+
+needs_compiler = pytest.mark.skipif(not can_compile(), reason="needs a C++ compiler")
+SMALL = {"width": 20, "height": 9}
+
+
+def group(world: str, count: int, steps: int = 700, **others) -> Group:
+    config = Config(world=world, steps=steps, explore=500, seed=5, **SMALL, **others)
+    numbers = tuple(range(count))
+    if WORLDS[world].numbered:
+        return Group(config, agents=numbers)
+    return Group(config, seeds=tuple(5 + k for k in numbers), rows=numbers)
+
+
+@pytest.mark.parametrize("world", ["ring", "nodes"])
+def test_alone_and_in_a_batch_of_a_world_the_decisions_are_the_same(world: str) -> None:
+    together = Run(group(world, 3))
+    together.advance(700)
+    assert (together.agent.decisions >= 2).all()
+    alone = Trial(group(world, 1).member(0))
+    alone.advance(700)
+    mine = together.record.member(0)
+    np.testing.assert_array_equal(mine.found, alone.record.found)
+    np.testing.assert_array_equal(mine.reported, alone.record.reported)
+    np.testing.assert_allclose(mine.intention, alone.record.intention, atol=1e-5)
+
+
+@needs_compiler
+@pytest.mark.parametrize("world", ["ring", "nodes"])
+def test_a_compiled_run_decides_as_the_eager_one_and_resumes_bit_by_bit(world, tmp_path) -> None:
+    eager, whole = Run(group(world, 4), True), Run(group(world, 4), True, compiled=True)
+    for run in (eager, whole):
+        run.advance(700)
+    np.testing.assert_array_equal(whole.memory.joined()["onset"], eager.memory.joined()["onset"])
+    np.testing.assert_array_equal(whole.memory.joined()["find"], eager.memory.joined()["find"])
+    first = Run(group(world, 4), True, compiled=True)
+    first.advance(390)
+    first.save(tmp_path / "c.pt")
+    second = Run(group(world, 4), True, compiled=True).restore(tmp_path / "c.pt")
+    second.advance(700)
+    for name, array in second.memory.joined().items():
+        np.testing.assert_array_equal(array, whole.memory.joined()[name], err_msg=name)
+
+
+@needs_compiler
+def test_a_compiled_step_keeps_one_entry_and_its_addresses() -> None:
+    torch.compiler.reset()
+    torch._dynamo.utils.counters.clear()
+    run = Run(group("nodes", 4), True, compiled=True)
+    places = []
+    for _ in range(3):
+        run.advance(200)
+        moments = run.engine.moment, run.engine._step.target
+        places.append({leaf.data_ptr() for leaf in pytree.tree_leaves(moments)})
+    assert torch._dynamo.utils.counters["stats"]["unique_graphs"] == 1
+    assert places[0] == places[1] == places[2]
+    assert run.engine.compiling > 0
+
+
+@needs_compiler
+def test_an_agent_is_compiled_in_front_of_a_world_that_is_not(tmp_path: Path) -> None:
+    pytest.importorskip("pybullet")
+    torch.compiler.reset()
+    torch._dynamo.utils.counters.clear()
+    config = Config(world="epuck", seed=3, steps=400, explore=300, **SMALL)
+    eager, compiled = Trial(config), Trial(config, compiled=True)
+    for trial in (eager, compiled):
+        trial.advance(170)
+    compiled.save(tmp_path / "c.pt")
+    resumed = Trial.load(tmp_path / "c.pt")
+    assert resumed.compiled
+    for trial in (eager, compiled, resumed):
+        trial.advance(400)
+        trial.close()
+    assert torch._dynamo.utils.counters["stats"]["unique_graphs"] == 1
+    np.testing.assert_array_equal(compiled.record.found, eager.record.found)
+    np.testing.assert_allclose(compiled.record.intention, eager.record.intention, atol=1e-3)
+    for name, array in compiled.record.arrays().items():
+        np.testing.assert_array_equal(resumed.record.arrays()[name], array, err_msg=name)
+
+
+def test_a_world_for_one_agent_refuses_a_batch() -> None:
+    with pytest.raises(ValueError, match="batch=2: only worlds of pure tensors run as a batch"):
+        Run(group("epuck", 2))
+
+
+def test_many_events_in_a_short_time_are_all_kept() -> None:
+    """One of the paper's misprints flickers: more decisions than a table of chance holds."""
+    from dntorch.paper.populations import Population
+
+    config = Config(world="nodes", steps=1200, explore=1200, seed=1)
+    run = Run(Population(config, (0, 1, 2, 3), variant="printed_rest"), True)
+    run.advance(1200)
+    onsets = np.bincount(run.memory.joined()["onset"][:, 0], minlength=4)
+    assert onsets.tolist() == run.agent.decisions.tolist() and onsets.max() > 8
