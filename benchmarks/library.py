@@ -1,7 +1,5 @@
 """The library's ways to take a portion of core steps: eager, compiled, a loop in one graph."""
 
-from collections.abc import Callable
-
 import numpy as np
 import torch
 from torch import Tensor
@@ -30,10 +28,9 @@ class Modules:
         self.state = tree_map(innermost, self.agent.initial([batch]))
         self.noise = innermost(torch.zeros(batch, n, n))
         self.match, self.reward = innermost(torch.from_numpy(match), 1), torch.from_numpy(reward)
-        self.advance = self._compiled(self.step) if self.compiled else self.step
-
-    def _compiled(self, function: Callable) -> Callable:
-        return torch.compile(function, fullgraph=True, dynamic=False)
+        self.advance = self.step
+        if self.compiled:
+            self.advance = torch.compile(self.step, fullgraph=True, dynamic=False)
 
     def step(self, match: Tensor, reward: Tensor, state: tuple) -> tuple:
         return self.agent.step({"match": match}, reward, self.noise, state)[1]
@@ -53,11 +50,12 @@ class Compiled(Modules):
 
 
 class Rollout(Modules):
-    """All steps of a portion in one graph: a loop that the compiler sees."""
+    """All steps of a portion in one graph: a loop that the compiler sees, and writes in C++."""
 
     def __init__(self, match: np.ndarray, reward: np.ndarray) -> None:
         super().__init__(match, reward)
-        self.rollout = self._compiled(self.all_steps)
+        options = {"cpp_wrapper": True}  # a third of the time where the batch is small
+        self.rollout = torch.compile(self.all_steps, fullgraph=True, dynamic=False, options=options)
 
     def all_steps(self, match: Tensor, reward: Tensor, state: tuple) -> tuple:
         leaves, form = tree_flatten(state)

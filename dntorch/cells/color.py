@@ -7,10 +7,9 @@ from torch import Tensor
 def planes(image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Red, green and blue of uint8 RGB ``(*batch, 3)`` as float32, each dense in memory.
 
-    Side by side they vectorise, interleaved they don't: joining them, as lines of bytes, pays.
+    Side by side they vectorise, interleaved they don't: stacking pays, in compiled code by ten.
     """
-    lines = torch.stack([channel.reshape(-1) for channel in image.unbind(-1)])
-    red, green, blue = lines.to(torch.float32).reshape([3] + list(image.shape[:-1])).unbind(0)
+    red, green, blue = torch.stack(image.unbind(-1)).to(torch.float32).unbind(0)
     return red, green, blue
 
 
@@ -46,19 +45,20 @@ def hue_saturation_value(image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def hue_bins(image: Tensor, hues: int, min_saturation: float, min_value: float) -> Tensor:
-    """Number of the bin of each pixel of ``(*batch, 3)``; ``hues`` for too gray or too dark ones.
+    """Bin of each pixel of ``(*batch, height, width, 3)``; ``hues`` where too gray or too dark.
 
     Bin k is centred on ``k * 360 / hues`` degrees. A hue on the edge of two
     bins is in the even one: numerator and denominator are whole numbers, so that nothing is
     rounded before the bin is.
     """
-    red, green, blue = planes(image)
+    red, green, blue = planes(image.flatten(-3, -2))  # in lines, which are joined fastest
     value, chroma = value_and_chroma(red, green, blue)
     turned = chroma_by_sextant(red, green, blue, value, chroma) * hues
     bins = torch.round(turned / (6 * chroma).clamp_min(1.0))
     bins = torch.sub(bins, torch.floor(bins / hues), alpha=hues)  # modulo, in vectors
     colored = (chroma / value.clamp_min(1.0) >= min_saturation) & (value >= 255 * min_value)
-    return torch.where(colored, bins, hues).to(torch.uint8 if hues < 256 else torch.int32)
+    bins = torch.where(colored, bins, hues).to(torch.uint8 if hues < 256 else torch.int32)
+    return bins.unflatten(-1, image.shape[-3:-1])
 
 
 def hue_columns(image: Tensor, hues: int, min_saturation: float, min_value: float) -> Tensor:

@@ -40,7 +40,7 @@ def heaviside(u: Tensor, threshold: Number) -> Tensor:
 
 def rectified(u: Tensor, threshold: float) -> Tensor:
     """``u`` above the threshold, zero at and below it (threshold-linear, with a jump)."""
-    return torch.threshold(u, threshold, 0.0)
+    return torch.where(u > threshold, u, 0)  # NaN is above nothing
 
 
 def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
