@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 OUT ?= runs/learn
 BIN = .venv/bin
 
-.PHONY: setup learn cpp test lint
+.PHONY: setup learn cpp test lint bench
 
 setup: .venv/installed
 
@@ -33,6 +33,14 @@ test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest --no-unlisted-skips -n 2 --dist loadfile
+
+# Speed, as ratios inside one run: under ten minutes on an idle machine.
+bench: setup
+	$(BIN)/python benchmarks/core.py
+	$(BIN)/python benchmarks/pixels.py
+	$(BIN)/python benchmarks/ring.py
+	$(BIN)/python benchmarks/loop.py
+	$(BIN)/python benchmarks/behaviors.py
 
 lint: setup
 	$(BIN)/ruff check --fix .
