@@ -13,8 +13,10 @@ import statistics
 
 import numpy as np
 import torch
-from harness import has_compiler, machine, settle, take_turns
+from harness import has_compiler, machine, take_turns
 from library import Compiled, Modules
+
+from dntorch.process import settle
 
 SIZES = (4, 8, 16, 32, 64)
 

@@ -18,8 +18,10 @@ from pathlib import Path
 import numpy as np
 import torch
 from arrays import Arrays, Scanned, preference
-from harness import address, build, has_compiler, ratios, settle, table, take_turns
+from harness import address, build, has_compiler, ratios, table, take_turns
 from library import Compiled, Modules, Rollout
+
+from dntorch.process import settle
 
 
 class Floor:

@@ -23,12 +23,6 @@ CXX = "g++"
 FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
 
 
-def settle() -> None:
-    """One thread, and numbers too small to matter are 0."""
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
-
-
 def has_compiler() -> bool:
     return shutil.which(CXX) is not None
 

@@ -65,9 +65,8 @@ def main() -> None:
     base = np.array(times["env alone"])
     for name, seconds in times.items():
         low, middle, high = np.percentile(np.array(seconds) / base, (25, 50, 75))
-        print(
-            f"{name:18} {1e6 * np.median(seconds):9.1f} us  {middle:7.3f} x ({low:.3f} to {high:.3f})"
-        )
+        spread = f"({low:.3f} to {high:.3f})"
+        print(f"{name:18} {1e6 * np.median(seconds):9.1f} us  {middle:7.3f} x {spread}")
 
 
 if __name__ == "__main__":

@@ -12,12 +12,13 @@ import argparse
 from collections.abc import Callable
 
 import torch
-from harness import has_compiler, settle, table, take_turns
+from harness import has_compiler, table, take_turns
 from library import innermost
 from torch import Tensor
 from torch.utils._pytree import tree_leaves, tree_map
 
 from dntorch import DNSarsa, FindColor
+from dntorch.process import settle
 
 SHAPE = (39, 52, 3)
 
