@@ -57,13 +57,6 @@ class PrintedSigmoid(NodeWTA):
         x = self.steepness * (state.u - self.threshold)
         return (1 + x) / (2 * (1 + x.abs()))
 
-    def euler(self, input: Tensor, state: NodeState) -> NodeState:
-        output = self.output(state)
-        others = output.sum(-1, keepdim=True) - output
-        excitation, inhibition = wide(self.excitation, 1), wide(self.inhibition, 1)
-        drive = wide(self.h, 1) + excitation * output - inhibition * others + input
-        return NodeState(state.u + self.dt / wide(self.tau, 1) * (drive - state.u))
-
 
 class PrintedValueNodes(ValueNodes):
     """Value nodes as printed: integrators without a leak, which are normalised afterwards."""

@@ -20,7 +20,7 @@ from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
 from dntorch.runs.chance import HALF, Chance, draw, noise_of
 
-SECONDS = 8.0
+SECONDS = 16.0
 """Simulated seconds of a portion, for which chance is drawn ahead."""
 
 
@@ -159,7 +159,7 @@ class Engine:
     def _crowded(self, moment: Moment, chance: Chance) -> bool:
         """Whether a table of chance or events might be full before the next look.
 
-        A working agent takes two decisions in a portion; one of the paper's misprints flickers.
+        A working agent takes five decisions in a portion; one of the paper's misprints flickers.
         """
         many = bool((moment.agent.decisions - chance.decision >= HALF).any())
         return many or self.world.due(moment.world)

@@ -12,11 +12,12 @@ from torch import Tensor
 from dntorch import DNSarsa, FindColor, Repertoire, Sensorimotor
 from dntorch.cells.working_memory import WorkingMemoryState
 from dntorch.envs import EPuckEnv, HardwareEnv, sensors
+from dntorch.envs.adaptor import tensors
 from dntorch.rl import AgentPolicy
 from dntorch.runs.collect import collected
 from dntorch.runs.config import Config
 from dntorch.runs.run import Trial, load_trained
-from dntorch.runs.worlds import build_world, tensors
+from dntorch.runs.worlds import build_world
 
 SPEED = 0.8
 
@@ -110,10 +111,11 @@ def test_a_run_shows_its_agent_what_the_agent_reads(monkeypatch) -> None:
     forbid(monkeypatch, "proximity")
     trial = Trial(Config(steps=2, explore=0))
     trial.advance(2)
-    assert trial.observation.keys() == {"image"}
+    assert trial.engine.moment.observation.keys() == {"image"}
     trial.close()
-    assert build_world(Config(world="nodes")).reset().keys() == {"match"}
-    with pytest.raises(ValueError, match=r"'image' is unknown, give \('match',\)"):
+    world = build_world(Config(world="nodes"), ("match",))
+    assert world.observe(world.initial()).keys() == {"match"}
+    with pytest.raises(ValueError, match=r"'image' is unknown, give a tuple of"):
         build_world(Config(world="nodes"), ("image",))
 
 
@@ -176,12 +178,13 @@ def test_two_senses_through_torchrl_equal_the_plain_loop(carried: bool) -> None:
     batch = env.rollout(60, policy)
     assert {"image", "proximity"} <= set(batch.keys()) and "wheels" not in batch.keys()
     world, reward = build_world(config, alone.senses), torch.zeros(())
-    seen = world.reset()
+    place = world.initial(seed=config.seed)
+    seen = world.observe(place)
     for k in range(60):
         assert torch.equal(seen["proximity"], batch["proximity"][k])
         action = alone(seen, reward, torch.zeros(6, 6))
         assert torch.equal(action, batch["action"][k])
-        outcome = world.step(action)
+        outcome, place = world.step(action, place)
         seen, reward = outcome.observation, outcome.reward
     world.close()
     env.close()
