@@ -5,6 +5,7 @@ A piece of work is a picklable task and a function ``work(task, report) -> resul
 is told to stop. Who does it: processes here, a Ray cluster, a Slurm queue.
 """
 
+import os
 import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -42,12 +43,13 @@ class Finished(NamedTuple):
 
 
 class Shared(NamedTuple):
-    """What the main process and its workers both see."""
+    """What the main process and its workers both see; without locks, which one that is killed
+    would hold for ever."""
 
     steps: Any
     """steps done, one number a task"""
     stop: Any
-    """event: save and end"""
+    """not 0: save and end"""
 
 
 _shared: Shared
@@ -58,18 +60,20 @@ def _begin(shared: Shared) -> None:
     _shared = shared
     settle()
     # Ctrl-C reaches all processes of a terminal: the main one decides, workers save when told.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _one(work: Work, task: Any, number: int) -> Any:
     def report(steps: int) -> bool:
         _shared.steps[number] = steps
-        return not _shared.stop.is_set()
+        return not _shared.stop.value
 
-    if _shared.stop.is_set():
+    if _shared.stop.value:
         raise Stopped
-    return work(task, report)
+    try:
+        return work(task, report)
+    except KeyboardInterrupt:  # a broken pool ends its other workers with SIGTERM: saved
+        os._exit(130)  # one that went back for more could wait for ever for a dead one
 
 
 def in_processes(
@@ -87,7 +91,7 @@ def in_processes(
     as after Ctrl-C, waits until each worker has saved where it stands.
     """
     context = get_context("spawn")
-    shared = Shared(context.Array("q", len(tasks)), context.Event())
+    shared = Shared(context.RawArray("q", len(tasks)), context.RawValue("b"))
     waiting, killed = deque(range(len(tasks))), Counter[int]()
     while waiting:
         running: dict[Future, int] = {}
@@ -106,7 +110,7 @@ def in_processes(
                         progress(sum(shared.steps))
                         wait(running, LOOK, FIRST_COMPLETED)
                 except (KeyboardInterrupt, GeneratorExit):
-                    shared.stop.set()
+                    shared.stop.value = 1
                     raise
         except BrokenProcessPool:
             notice(f"a worker was killed; {len(running)} go on from their checkpoints")
