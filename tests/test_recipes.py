@@ -158,6 +158,6 @@ def test_a_robot_beside_its_simulation_does_the_same(trained: Path) -> None:
 
 def test_the_ring_in_torch_is_that_of_pybullet() -> None:
     pytest.importorskip("pybullet")
-    printed = run("ring_against_pybullet.py", "--poses", 12)
+    printed = run("evidence/ring_against_pybullet.py", "--poses", 12)
     wrong = re.findall(r"off by more than 2, %: ([\d.e-]+)", printed)
     assert len(wrong) == 4 and max(map(float, wrong)) <= 1
