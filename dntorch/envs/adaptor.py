@@ -22,7 +22,6 @@ class GymWorld(World[GymState]):
 
     Args:
         env: with ``task``, and ``found`` and ``completed`` in its info.
-        seed: of its reset, where it shall not be that of the run.
 
     Raises:
         ValueError: a batch.

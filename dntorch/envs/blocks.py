@@ -16,7 +16,7 @@ from dntorch.colors import HUES
 from dntorch.envs import sensors
 from dntorch.envs.drive import Drive, check_speeds
 from dntorch.envs.judge import DWELL, DWELL_RATE, NOTHING, TOLERANCE, Judge, JudgeState, Verdict
-from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole
+from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole, shuffled
 from dntorch.envs.pose import Pose
 from dntorch.envs.senses import SENSES
 from dntorch.envs.task import SequenceTask, TaskState
@@ -138,8 +138,7 @@ class BlocksEnv(gymnasium.Env):
         super().reset(seed=seed)
         fixed = self.layout_seed is not None
         random = np.random.default_rng(self.layout_seed) if fixed else self.np_random
-        each = self.ring.blocks // len(self.colors)
-        self._arrange(random.permutation(np.repeat(np.arange(len(self.colors)), each)))
+        self._arrange(shuffled(self.ring.blocks, len(self.colors), random))
         self._drive.reset()
         self._pose, self._steps = self._drive.pose(), 0
         self._judged, self._rewarded = JudgeState(), self.task.initial()

@@ -95,6 +95,13 @@ class Ring:
         return self.radius * np.stack((np.cos(self.angles), np.sin(self.angles)), axis=1)
 
 
+def shuffled(blocks: int, colors: int, random: np.random.Generator) -> np.ndarray:
+    """The colour of every block in an order drawn from ``random``, each colour as often."""
+    import numpy as np
+
+    return random.permutation(np.repeat(np.arange(colors), blocks // colors))
+
+
 #: White light from above, without shadows.
 DAYLIGHT = Light()
 

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge, JudgeState
-from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole
+from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole, shuffled
 from dntorch.envs.ring_camera import RingCamera, wrap
 from dntorch.envs.senses import check_senses
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
@@ -159,5 +159,4 @@ def draw_layout(blocks: int, colors: int, seed: int, agent: int = 0) -> list[int
     import numpy as np  # to draw what Gymnasium's seeding draws
 
     entropy = [seed, agent] if agent else seed
-    each = np.repeat(np.arange(colors), blocks // colors)
-    return np.random.default_rng(entropy).permutation(each).tolist()
+    return shuffled(blocks, colors, np.random.default_rng(entropy)).tolist()

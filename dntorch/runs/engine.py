@@ -131,6 +131,8 @@ class Engine:
     def advance(self, now: int, steps: int, exploring: bool) -> None:
         """Take ``steps`` control steps from step ``now`` on, with the agent as it is now."""
         self._go_on(self.moment._replace(agent=self.agent.state))
+        if self._fused:
+            self._fused.sure = False
         end = now + steps
         while now < end:
             now += self._portion(now, min(self.portion, end - now), exploring)
@@ -180,20 +182,25 @@ def overwrite(moment: Moment, other: Moment) -> None:
 
 
 class Compiled:
-    """A compiled function, which says how long its first call took."""
+    """A compiled function, which says how long its first call took.
+
+    Attributes:
+        sure: nothing but the numbers has changed since the last call, so that the compiler need
+            not look. Whoever lets others set a parameter in between makes it False.
+    """
 
     def __init__(self, function: Callable) -> None:
         self.function = torch.compile(function, fullgraph=True, dynamic=False)
-        self.seconds = 0.0
+        self.seconds, self.sure = 0.0, False
 
     def __call__(self, *inputs: Any) -> Any:
-        if self.seconds:
-            # The inputs of all calls are alike: not even the guards need a look.
+        if self.sure:
             with torch.compiler.set_stance("default", skip_guard_eval_unsafe=True):
                 return self.function(*inputs)
         began = time.monotonic()
         result = self.function(*inputs)
-        self.seconds = time.monotonic() - began
+        self.seconds = self.seconds or time.monotonic() - began
+        self.sure = True
         return result
 
 

@@ -92,6 +92,19 @@ def test_an_agent_is_compiled_in_front_of_a_world_that_is_not(tmp_path: Path) ->
         np.testing.assert_array_equal(resumed.record.arrays()[name], array, err_msg=name)
 
 
+@needs_compiler
+def test_a_parameter_that_is_set_between_two_portions_counts_in_a_compiled_run() -> None:
+    eager, compiled = Run(group("nodes", 2), True), Run(group("nodes", 2), True, compiled=True)
+    for run in (eager, compiled):
+        run.advance(100)
+        run.agent.value_nodes.tau = 0.4
+        run.advance(200)
+    torch.testing.assert_close(compiled.agent.state, eager.agent.state, atol=1e-4, rtol=1e-4)
+    plain = Run(group("nodes", 2), True)
+    plain.advance(300)
+    assert (plain.agent.state.value_nodes.value - eager.agent.state.value_nodes.value).any()
+
+
 def test_a_world_for_one_agent_refuses_a_batch() -> None:
     with pytest.raises(ValueError, match="batch=2: only worlds of pure tensors run as a batch"):
         Run(group("epuck", 2))
