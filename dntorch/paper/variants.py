@@ -138,4 +138,5 @@ def build_variant(config: Config, variant: str = "") -> DNSarsa:
         raise ValueError(f"variant={variant!r} is unknown: choose from {', '.join(VARIANTS)}")
     agent = build_agent(config)
     VARIANTS[variant](agent)
+    agent.reset()  # another resting level is another state at rest
     return agent

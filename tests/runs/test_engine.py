@@ -118,4 +118,7 @@ def test_many_events_in_a_short_time_are_all_kept() -> None:
     run = Run(Population(config, (0, 1, 2, 3), variant="printed_rest"), True)
     run.advance(1200)
     onsets = np.bincount(run.memory.joined()["onset"][:, 0], minlength=4)
-    assert onsets.tolist() == run.agent.decisions.tolist() and onsets.max() > 8
+    assert onsets.tolist() == run.agent.decisions.tolist() and onsets.max() > 300
+    alone = Run(Population(config, variant="printed_rest"), True)
+    alone.advance(300)
+    assert alone.agent.decisions == (alone.memory.joined()["onset"][:, 1] < 300).sum() > 90
