@@ -77,7 +77,7 @@ class Engine:
         self.in_place, self._fused = compiled and world.pure, None
         if self.in_place:
             with torch.inference_mode():  # as every step: the compiler tells the two kinds apart
-                self.moment = pytree.tree_map(innermost, self.moment)
+                self.moment = laid_out(self.moment)
             self._step = Alternating(self._step)
             self._fused = self._step.write
         elif compiled:
@@ -172,6 +172,20 @@ def innermost(tensor: Tensor) -> Tensor:
     if not isinstance(tensor, Tensor) or tensor.dim() < 2:
         return tensor.clone() if isinstance(tensor, Tensor) else tensor
     return tensor.movedim(0, -1).contiguous().movedim(-1, 0)
+
+
+def laid_out(moment: Moment) -> Moment:
+    """The same moment as a compiled step of a batch likes it in memory: nodes batch innermost.
+
+    Images and fields of two axes are rows of matrix products: they stay as they are.
+    """
+
+    def kept(tensor: Tensor) -> Tensor:
+        return tensor.clone() if tensor.dim() > 2 else innermost(tensor)
+
+    nodes = pytree.tree_map(innermost, moment)
+    seen, fields = pytree.tree_map(kept, (moment.observation, moment.agent.sensorimotor))
+    return nodes._replace(observation=seen, agent=nodes.agent._replace(sensorimotor=fields))
 
 
 def overwrite(moment: Moment, other: Moment) -> None:
