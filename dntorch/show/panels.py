@@ -9,7 +9,8 @@ from dntorch.cells.functions import is_on
 from dntorch.colors import NAMES
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.runs.config import Config
-from dntorch.show.figures import PAINT, value_image
+from dntorch.show.extracts import value_image
+from dntorch.show.figures import PAINT
 
 GAP, WIDE, SIDE, HEIGHT = 20, 320, 208, 240
 COLUMNS = [GAP] + [2 * GAP + WIDE + k * (SIDE + GAP) for k in range(3)]

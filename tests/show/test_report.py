@@ -18,7 +18,7 @@ from dntorch.modules.behaviors import ElementaryBehaviors
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
 from dntorch.runs.record import Record
-from dntorch.show import figures
+from dntorch.show import extracts, figures
 from dntorch.show.report import write_report
 
 
@@ -83,23 +83,23 @@ def test_values_are_shown_with_the_state_down_and_the_action_across():
     record.weights[-1, 1, 0] = 1  # action 1 in state 0
     shown = figures.values(record, config).axes[0].images[0].get_array()
     assert shown[0, 1] == 1 and shown.sum() == 1
-    assert figures.value_image(record.weights[-1])[0, 1] == 1
+    assert extracts.value_image(record.weights[-1])[0, 1] == 1
 
 
 def test_a_chunk_holds_the_last_behaviours_of_its_phase():
     record = play(Config(steps=1000, explore=500), 1000)
     for first, last in ((0, 500), (500, 1000)):
-        steps = figures.chunk(record, first, last)
+        steps = extracts.chunk(record, first, last)
         completed = (record.reported[steps.start + 1 : steps.stop] >= 0).sum()
-        assert completed == figures.CHUNK and first <= steps.start < steps.stop <= last
+        assert completed == extracts.CHUNK and first <= steps.start < steps.stop <= last
 
 
 def test_error_of_a_transition_is_the_mean_between_two_completions():
     record = play(Config(steps=100, explore=0), 100)
-    ends, sizes = figures.mean_errors(record)
+    ends, sizes = extracts.mean_errors(record)
     assert ends.tolist() == [40, 60, 80]
     assert sizes[0] == pytest.approx(np.abs(record.error[20:40]).mean(), rel=1e-5)
-    assert figures.running_mean(np.array([1.0, 2.0, 6.0]), 2).tolist() == [1.0, 1.5, 4.0]
+    assert extracts.running_mean(np.array([1.0, 2.0, 6.0]), 2).tolist() == [1.0, 1.5, 4.0]
 
 
 # ---------------------------------------------------------------------------- report
@@ -199,7 +199,7 @@ def test_the_film_shows_white_where_value_is_high():
     panels = pytest.importorskip("dntorch.show.panels")
     weights = np.zeros((4, 4), np.float32)
     weights[1, 0] = 1  # action 1 in state 0
-    panel = panels._matrix(figures.value_image(weights), "RGBY")
+    panel = panels._matrix(extracts.value_image(weights), "RGBY")
     cell = (panels.SIDE - 30) // 4
     middle = 30 + cell // 2
     assert panel[middle, middle + cell].tolist() == [255, 255, 255]
