@@ -26,11 +26,15 @@ class Clock(Protocol):
         """Call ``action`` over and over; it waits for data by itself, and not for ever."""
 
 
+#: Goes on while the computer sleeps, where the system has such a clock: an image is as old then.
+_CLOCK = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
+
+
 class RealClock:
     """The time on the wall; ``every`` and ``background`` start a thread each."""
 
     def now(self) -> float:
-        return time.monotonic()
+        return time.monotonic() if _CLOCK is None else time.clock_gettime(_CLOCK)
 
     def sleep_until(self, moment: float) -> None:
         time.sleep(max(0.0, moment - self.now()))
@@ -43,16 +47,34 @@ class RealClock:
 
 
 class _Thread:
+    """Calls an action over and over. One that raises is called again: who stops the robot stays.
+
+    Attributes:
+        failed: the newest error; the first of each kind is printed like any of a thread.
+    """
+
     def __init__(self, period: float, action: Callable[[], None]) -> None:
-        self._over = threading.Event()
+        self._over, self.failed = threading.Event(), None
         self._thread = threading.Thread(target=self._run, args=(period, action), daemon=True)
         self._thread.start()
 
     def _run(self, period: float, action: Callable[[], None]) -> None:
-        due = time.monotonic() + period
-        while not self._over.wait(max(0.0, due - time.monotonic())):
-            action()
-            due = max(due + period, time.monotonic())  # who is late does not catch up in a burst
+        now = RealClock().now
+        due = now() + period
+        while not self._over.wait(max(0.0, due - now())):
+            try:
+                action()
+            except Exception as error:
+                self._record(error)
+                self._over.wait(0.05)  # what fails at once must not take the whole processor
+            due = max(due + period, now())  # who is late does not catch up in a burst
+
+    def _record(self, error: Exception) -> None:
+        known, self.failed = self.failed, error
+        if type(known) is not type(error):
+            threading.excepthook(
+                threading.ExceptHookArgs((type(error), error, error.__traceback__, self._thread))
+            )
 
     def cancel(self) -> None:
         self._over.set()

@@ -13,9 +13,9 @@ class Frame(NamedTuple):
     proximity: np.ndarray
     """float32 ``(8,)``, ps0 ... ps7, near is large"""
     steps: np.ndarray
-    """int64 ``(2,)``, motor steps, left first, 1000 a turn; never wraps around"""
+    """int64 ``(2,)``, motor steps since the link was made, left first, 1000 a turn; never wrap"""
     time: float
-    """s, of the clock, when its older half arrived"""
+    """s, of the clock, when its image had arrived, or earlier if nobody can know"""
     number: int
     """counts the frames"""
 
@@ -32,7 +32,7 @@ class Robot(Protocol):
 
     @property
     def age(self) -> float:
-        """s since the newest frame arrived, infinite before the first."""
+        """s since the newest frame arrived, at most; infinite before the first."""
 
     @property
     def connections(self) -> int:

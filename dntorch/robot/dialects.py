@@ -14,6 +14,8 @@ class Reading(NamedTuple):
     proximity: tuple[int, ...]
     steps: tuple[int, ...]
     """of the motors, left and right; wraps as int16"""
+    time: float = 0.0
+    """s, when its image had arrived"""
 
 
 class Dialect(Protocol):
@@ -34,8 +36,10 @@ class Dialect(Protocol):
     def farewell(self) -> bytes:
         """Speed 0 and no more frames."""
 
-    def feed(self, data: bytes) -> list[Reading]:
-        """Readings that these bytes complete.
+    def feed(self, data: bytes, time: float = 0.0) -> list[Reading]:
+        """Readings that these bytes, which arrived at ``time``, complete.
+
+        ``b""`` says that nothing came for a moment.
 
         Raises:
             ProtocolError: the conversation is lost; say hello over a new link.
@@ -57,7 +61,7 @@ class Wifi:
 
     def hello(self) -> bytes:
         self._stream = Stream(wifi.split_packets)
-        self._picture: Picture | None = None
+        self._picture: tuple[Picture, float] | None = None
         self._sensors: wifi.Sensors | None = None
         return self.drive(0, 0)
 
@@ -70,19 +74,24 @@ class Wifi:
     def farewell(self) -> bytes:
         return wifi.encode_command(wifi.Command(request=0))
 
-    def feed(self, data: bytes) -> list[Reading]:
-        return [reading for packet in self._stream.feed(data) for reading in self._pair(packet)]
+    def feed(self, data: bytes, time: float = 0.0) -> list[Reading]:
+        packets = self._stream.feed(data)
+        return [reading for packet in packets for reading in self._pair(packet, time)]
 
-    def _pair(self, packet: wifi.Packet) -> list[Reading]:
+    def _pair(self, packet: wifi.Packet, time: float) -> list[Reading]:
         if isinstance(packet, Picture):
-            self._picture = packet
+            self._picture = packet, time
         elif isinstance(packet, wifi.Sensors):
             self._sensors = packet
         if self._picture is None or self._sensors is None:
             return []
-        reading = Reading(self._picture, self._sensors.proximity, self._sensors.steps)
+        (picture, seen), sensors = self._picture, self._sensors
         self._picture = self._sensors = None
-        return [reading]
+        return [Reading(picture, sensors.proximity, sensors.steps, seen)]
+
+
+SURPLUS = 1 << 16
+"""Bytes that nobody asked for after which a robot is no robot."""
 
 
 class Sercom:
@@ -90,6 +99,8 @@ class Sercom:
 
     The first talk over Bluetooth often fails, so it asks three times for the version. The
     robot falls back to 40x40 if an image is too large for it: the true size is asked for.
+    Answers that nobody asked for are thrown away. If part of one is still on its way, nothing
+    is asked until the line is quiet: the rest would be taken for the next answer.
 
     Args:
         width, height, zoom: of the image, in pixels and sensor pixels a pixel.
@@ -105,9 +116,9 @@ class Sercom:
         self.hello()
 
     def hello(self) -> bytes:
-        self._buffer, self._size = b"", (0, 0)
+        self._buffer, self._size, self._surplus = b"", (0, 0), 0
         self._waiting = "v"
-        """letter of the line that is awaited, ``frame``, or nothing"""
+        """letter of the line that is awaited, ``frame``, ``quiet``, or nothing"""
         self._next = "j"
         return self.drive(0, 0) + 3 * sercom.text("V")
 
@@ -121,41 +132,63 @@ class Sercom:
         if self._next == "j":
             # Again speed 0: if the first talk failed, this is the first that is heard.
             return self.drive(0, 0) + sercom.text("J", 1, *self.window, -1, -1)
-        return sercom.text("I") if self._next == "i" else sercom.chain(*self.asked)
+        return sercom.chain(*self.asked) if self._next == "frame" else sercom.text(self._next.upper())
 
     def farewell(self) -> bytes:
         return self.drive(0, 0) + sercom.text("S")
 
-    def feed(self, data: bytes) -> list[Reading]:
+    def feed(self, data: bytes, time: float = 0.0) -> list[Reading]:
+        if self._waiting == "quiet":
+            return self._calm(len(data))
         self._buffer += data
         if self._waiting == "frame":
-            return self._frame()
+            return self._frame(time)
         lines, self._buffer = sercom.split_lines(self._buffer)
-        for line in lines:
-            self._line(line)
+        while lines and self._waiting:
+            self._line(lines.pop(0))
+        if self._next == "frame" and not self._waiting:
+            self._discard(len(self._buffer) + sum(map(len, lines)))
         return []
 
     def _line(self, line: str) -> None:
         """Lines that nobody waits for, as a welcome, are passed over."""
-        if not self._waiting or line[0].lower() != self._waiting:
+        if line[0].lower() != self._waiting:
             return
         if self._waiting == "i":
             _, numbers = sercom.read_line(line)
             if len(numbers) < 3:
                 raise ProtocolError(f"{line!r} does not say the size of images")
             self._size = numbers[1:3]
-        self._next = {"v": "j", "j": "i", "i": "frame"}[self._waiting]
-        self._waiting = ""
+        elif self._waiting == "m":
+            self.answers = sercom.answers_of(line, self.answers)
+        ground = sercom.GROUND in self.asked
+        follows = {"v": "j", "j": "i", "i": "m" if ground else "frame", "m": "frame"}
+        self._next, self._waiting = follows[self._waiting], ""
 
-    def _frame(self) -> list[Reading]:
-        found, self._buffer = sercom.read_answers(self.asked, self._buffer, self.answers)
+    def _frame(self, time: float) -> list[Reading]:
+        size = tuple(self._buffer[1:3])
+        if len(size) == 2 and size != self._size:
+            raise ProtocolError(f"an image of {size} came, {self._size} was agreed")
+        found, rest = sercom.read_answers(self.asked, self._buffer, self.answers)
         if found is None:
             return []
         self._waiting = ""
-        picture = found[sercom.IMAGE]
-        if (picture.width, picture.height) != self._size:
-            raise ProtocolError(f"an image of {picture[:2]} came, {self._size} was agreed")
-        return [Reading(picture, *self._sensed(found))]
+        whole = len(self._buffer) - len(rest)
+        self._discard(len(rest) if len(rest) % whole else 0)
+        return [Reading(found[sercom.IMAGE], *self._sensed(found), time)]
+
+    def _discard(self, surplus: int) -> None:
+        """Empty the buffer; wait for quiet if a ``surplus`` of bytes begins something."""
+        self._buffer, self._surplus = b"", surplus
+        if surplus:
+            self._waiting = "quiet"
+
+    def _calm(self, came: int) -> list[Reading]:
+        self._surplus += came
+        if self._surplus > SURPLUS:
+            raise ProtocolError(f"{self._surplus} bytes came that nobody asked for")
+        self._waiting = "quiet" if came else ""
+        return []
 
     def _sensed(self, found: dict) -> tuple[tuple[int, ...], tuple[int, ...]]:
         return found[sercom.PROXIMITY], found[sercom.GET_STEPS]

@@ -7,10 +7,12 @@ import numpy as np
 
 from dntorch.body import STEPS_PER_TURN
 from dntorch.robot.clock import Clock, RealClock
-from dntorch.robot.codecs import ProtocolError, rgb565
+from dntorch.robot.codecs import rgb565
 from dntorch.robot.contract import Frame
+from dntorch.robot.deputy import Deputy
 from dntorch.robot.dialects import Dialect, Reading
-from dntorch.robot.transports import LinkLost, Transport
+from dntorch.robot.link import LinkLost
+from dntorch.robot.transports import Transport
 
 STOPS = 3
 """Commands of speed 0 that make a stop: one may be lost or half."""
@@ -21,17 +23,19 @@ class Driver:
 
     A reader in the background keeps only the newest frame. Every command is one ``send``.
     What arrives first after ``gap`` seconds without a byte may be old, since it lay on the
-    way meanwhile, and nothing in the protocols tells: that one reading is passed over.
+    way meanwhile, and nothing in the protocols tells: that one reading is passed over. A reader
+    that was itself held up so long passes over all that it finds, and one more.
     Bytes that no robot sends, a broken link or long silence end the link: stop commands are
-    tried on it, then it is closed. The firmware has no watchdog; see `dntorch.robot.safety`
-    for what stops the robot while the link stands.
+    tried on it, then it is closed. Wheel steps count from the first frame of each link. The
+    firmware has no watchdog; see `dntorch.robot.safety` for what stops the robot while the link
+    stands, and `watch` for what does when this process can not.
 
     Args:
         transport, dialect: the way to the robot and its language.
         clock: real time unless you say otherwise.
         reconnect: make a lost link anew, ``retry`` seconds after each failure. Otherwise
             `drive` raises.
-        gap: s without a byte after which one reading is passed over.
+        gap: s without a byte, or without the reader, after which readings are passed over.
         silence: s without a single byte after which a link is lost. Wi-Fi alone stalls for
             up to 6 s.
 
@@ -59,16 +63,31 @@ class Driver:
         """why there is no link"""
         self._frame: Frame | None = None
         self._number, self._wrapped, self._steps = 0, None, np.zeros(2, np.int64)
-        self._sending, self._reader = threading.RLock(), None
+        self._sending, self._reader, self._over = threading.RLock(), None, True
         self._heard = self._failed = -math.inf
-        self._stalled = False
+        self._stalled = self._late = False
+        self._limit: float | None = None
+        self._deputy: Deputy | None = None
 
     # ---------------------------------------------------------------- a robot
 
     def connect(self) -> None:
-        self._open()
+        self._over = False
+        try:
+            self._open()
+        except BaseException:
+            self._hang_up()
+            raise
         if self._reader is None:
             self._reader = self.clock.background(self.pump)
+
+    def watch(self, limit: float) -> None:
+        """From the next link on, a process of its own (`Deputy`) watches over it.
+
+        It stops the robot if this process dies, or if wheels turn and no `drive` comes for
+        ``limit`` s. Where the link is none of the operating system it does nothing.
+        """
+        self._limit = limit
 
     @property
     def frame(self) -> Frame | None:
@@ -84,78 +103,91 @@ class Driver:
             if not self.reconnect:
                 raise LinkLost(f"no link to the robot: {self.lost}") from self.lost
             return
+        speeds = self._whole(left, right)
         with self._sending:
-            self._say(self._command(left, right))
+            # The deputy hears of motion before it begins, of its end when it has ended.
+            if any(speeds) and not self._tell(True):
+                self._lose(LinkLost("the process that stops the robot has ended"))
+            self._say(self.dialect.drive(*speeds) + self.dialect.ask())
+            if not any(speeds):
+                self._tell(False)
 
     def stop(self) -> None:
-        for _ in range(STOPS):
-            self._say(self.dialect.drive(0, 0))
+        with self._sending:
+            for _ in range(STOPS):
+                self._say(self.dialect.drive(0, 0))
+            self._tell(False)
 
     def close(self) -> None:
+        self._over = True
         for _ in range(STOPS):
             self._say(self.dialect.farewell())
         self.lost = self.lost or LinkLost("closed")
-        self.reconnect, self._frame = False, None
+        self._frame = None
         if self._reader is not None:
             self._reader.cancel()
             self._reader = None
-        self.transport.close()
+        self._hang_up()
 
     # ---------------------------------------------------------------- in the background
 
     def pump(self) -> None:
-        """Read what has come. The reader calls it all the time; it never raises for a link."""
-        if self.lost is not None:
-            self._try_again()
-            return
+        """Read what has come. The reader calls it all the time; whatever fails ends the link."""
         try:
+            if self.lost is not None:
+                self._try_again()
+                return
             data = self.transport.receive()
-            self._listen(bool(data))
-            for reading in self.dialect.feed(data):
+            behind = getattr(self.transport, "behind", 0.0)
+            self._listen(bool(data), behind)
+            for reading in self.dialect.feed(data, self.clock.now() - behind):
                 self._keep(reading)
-        except (OSError, ProtocolError) as error:
+            with self._sending:
+                self._say(self.dialect.ask())
+        except Exception as error:
             self._lose(error)
-            return
-        with self._sending:
-            self._say(self.dialect.ask())
 
-    def _listen(self, heard: bool) -> None:
-        """Watch how long the robot is silent."""
+    def _listen(self, heard: bool, behind: float) -> None:
+        """Watch how long the robot is silent, and how long nobody has listened."""
         quiet = self.clock.now() - self._heard
         if heard:
-            self._stalled |= quiet > self.gap
+            self._late = behind > self.gap
+            self._stalled |= self._late or quiet > self.gap
             self._heard = self.clock.now()
         elif quiet > self.silence:
             raise LinkLost(f"no byte for {self.silence:g} s")
 
     def _keep(self, reading: Reading) -> None:
         if self._stalled:
-            self._stalled = False
+            self._stalled = self._late
             return
         now = np.array(reading.steps, np.int64)
         if self._wrapped is not None:
             self._steps = self._steps + (now - self._wrapped + 32768) % 65536 - 32768
         self._wrapped, self._number = now, self._number + 1
         image, proximity = rgb565.decode(reading.picture), np.array(reading.proximity, np.float32)
-        self._frame = Frame(image, proximity, self._steps, self.clock.now(), self._number)
+        self._frame = Frame(image, proximity, self._steps, reading.time, self._number)
 
     # ---------------------------------------------------------------- the link
 
     def _open(self) -> None:
+        self._hang_up()
         self._frame = None
         self.transport.open()
         with self._sending:
             self.transport.send(self.dialect.hello())
+            descriptor = getattr(self.transport, "descriptor", None)
+            if self._limit is not None and descriptor is not None:
+                stop = STOPS * self.dialect.drive(0, 0)
+                self._deputy = Deputy(descriptor, self._limit, stop)
             self._heard, self._stalled, self.lost = self.clock.now(), False, None
+            self._wrapped, self._steps = None, np.zeros(2, np.int64)  # maybe of another robot
             self.connections += 1
 
     def _try_again(self) -> None:
-        if not self.reconnect or self.clock.now() - self._failed < self.retry:
+        if self._over or not self.reconnect or self.clock.now() - self._failed < self.retry:
             return
-        try:
-            self._open()
-        except OSError as error:
-            self._lose(error)
+        self._open()
 
     def _lose(self, error: Exception) -> None:
         """Stop, as far as the link still carries, and close it."""
@@ -163,13 +195,23 @@ class Driver:
             if self.lost is None:
                 self.stop()
             self.lost, self._frame, self._failed = error, None, self.clock.now()
+        self._hang_up()
+
+    def _hang_up(self) -> None:
+        deputy, self._deputy = self._deputy, None
+        if deputy is not None:
+            deputy.dismiss()
         self.transport.close()
 
-    def _command(self, left: float, right: float) -> bytes:
+    def _whole(self, left: float, right: float) -> list[int]:
+        """Motor steps/s, as far as the motors follow."""
         limit = self.dialect.limit
         speeds = np.array((left, right)) * (STEPS_PER_TURN / math.tau)
-        whole = np.rint(speeds).clip(-limit, limit).astype(int).tolist()
-        return self.dialect.drive(*whole) + self.dialect.ask()
+        return np.rint(speeds).clip(-limit, limit).astype(int).tolist()
+
+    def _tell(self, moves: bool) -> bool:
+        """Whether the deputy has heard, if there is one."""
+        return self._deputy is None or self._deputy.hear(moves)
 
     def _say(self, data: bytes) -> None:
         """Send; a failure ends the link."""
@@ -180,4 +222,4 @@ class Driver:
                 self.transport.send(data)
             except OSError as error:
                 self.lost, self._frame, self._failed = error, None, self.clock.now()
-                self.transport.close()
+                self._hang_up()

@@ -1,24 +1,37 @@
-"""Where bytes come from and go to: TCP, a serial line, or memory. The host's side."""
+"""Where bytes come from and go to: TCP or a serial line. The host's side."""
 
+import contextlib
+import os
 import select
 import socket
+import time
 from typing import Protocol
 
+from dntorch.robot.clock import RealClock
 from dntorch.robot.codecs.wifi import PORT
-
-
-class LinkLost(ConnectionError):
-    """The link to the robot is gone; the reason is in the message."""
-
+from dntorch.robot.link import BROKEN, Arrivals, LinkLost, TerminalError, losing
 
 class Transport(Protocol):
-    """A stream of bytes to and from a robot."""
+    """A stream of bytes to and from a robot.
+
+    Attributes:
+        behind: s that the bytes of the last `receive` may have lain unread. A reader that was
+            held up cannot know when they came: since the link was last seen empty.
+        descriptor: of the operating system, for another process; ``None`` if there is none.
+    """
+
+    behind: float
+    descriptor: int | None
 
     def open(self) -> None:
         """Connect; a transport may be opened again after it was closed."""
 
     def send(self, data: bytes) -> None:
-        """Send all of it at once."""
+        """Send all of it at once.
+
+        Raises:
+            OSError: the link is gone, or there was no room for it.
+        """
 
     def receive(self) -> bytes:
         """What has come, after a short wait; ``b""`` when nothing came.
@@ -28,7 +41,10 @@ class Transport(Protocol):
         """
 
     def close(self) -> None:
-        """Give the link back, after what was sent has left; a second call does nothing."""
+        """Give the link back, after what was sent has left; a second call does nothing.
+
+        Never raises: of a link that is gone there is nothing to save.
+        """
 
 
 class Tcp:
@@ -45,36 +61,50 @@ class Tcp:
     ) -> None:
         self.host, self.port, self.patience, self.wait = host, port, patience, wait
         self._socket: socket.socket | None = None
+        self._arrivals = Arrivals(wait)
+
+    @property
+    def behind(self) -> float:
+        return self._arrivals.behind
+
+    @property
+    def descriptor(self) -> int | None:
+        return self._socket.fileno() if self._socket and os.name == "posix" else None
 
     def open(self) -> None:
         self.close()
         self._socket = socket.create_connection((self.host, self.port), self.patience)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._arrivals = Arrivals(self.wait)
 
     def send(self, data: bytes) -> None:
         self._require().sendall(data)
 
     def receive(self) -> bytes:
-        link = self._require()
-        try:
-            if not select.select([link], [], [], self.wait)[0]:
-                return b""
-            data = link.recv(1 << 16)
-        except (OSError, ValueError) as error:  # ValueError: closed by another thread meanwhile
-            raise LinkLost(f"the link to {self.host}:{self.port} broke: {error}") from error
-        if not data:
-            raise LinkLost(f"{self.host}:{self.port} closed the link")
-        return data
+        link, size = self._require(), 1 << 16
+
+        def ready(wait: float) -> bool:
+            return bool(select.select([link], [], [], wait)[0])
+
+        def take() -> tuple[bytes, bool]:
+            if not ready(self.wait):
+                return b"", True
+            data = link.recv(size)
+            if not data:
+                raise LinkLost(f"{self.host}:{self.port} closed the link")
+            return data, len(data) < size
+
+        with losing(f"{self.host}:{self.port}"):
+            return self._arrivals.read(lambda: ready(0.0), take)
 
     def close(self) -> None:
         link, self._socket = self._socket, None
         if link is None:
             return
-        try:
+        with contextlib.suppress(OSError):
             link.shutdown(socket.SHUT_WR)  # what was sent still arrives, then the end
-        except OSError:
-            pass
-        link.close()
+        with contextlib.suppress(OSError):
+            link.close()
 
     def _require(self) -> socket.socket:
         if self._socket is None:
@@ -94,11 +124,22 @@ class Serial:
         ImportError: pyserial is not installed (at ``open``).
     """
 
+    FLUSH = 1.0
+    """s that closing waits for what was sent to leave"""
+
     def __init__(
         self, path: str, baud: int = 115200, patience: float = 5.0, wait: float = 0.05
     ) -> None:
         self.path, self.baud, self.patience, self.wait = path, baud, patience, wait
-        self._port = None
+        self._port, self._arrivals = None, Arrivals(wait)
+
+    @property
+    def behind(self) -> float:
+        return self._arrivals.behind
+
+    @property
+    def descriptor(self) -> int | None:
+        return self._port.fileno() if self._port and os.name == "posix" else None
 
     def open(self) -> None:
         try:
@@ -108,29 +149,39 @@ class Serial:
                 "a robot on a serial line needs pyserial: run pip install pyserial"
             ) from error
         self.close()
-        self._port = serial.Serial(
-            self.path, self.baud, timeout=self.wait, write_timeout=self.patience
-        )
+        try:
+            self._port = serial.Serial(
+                self.path, self.baud, timeout=self.wait, write_timeout=self.patience
+            )
+        except TerminalError as error:  # unplugged while it was opened
+            raise LinkLost(f"the line {self.path} broke: {error}") from error
+        self._arrivals = Arrivals(self.wait)
 
     def send(self, data: bytes) -> None:
-        self._require().write(data)
+        with losing(self.path):
+            self._require().write(data)
 
     def receive(self) -> bytes:
         port = self._require()
-        try:
-            return port.read(max(1, port.in_waiting))
-        except (OSError, TypeError) as error:  # TypeError: closed by another thread meanwhile
-            raise LinkLost(f"the line {self.path} broke: {error}") from error
+
+        def take() -> tuple[bytes, bool]:
+            data = port.read(max(1, port.in_waiting))
+            data += port.read(port.in_waiting)
+            return data, True
+
+        with losing(self.path):
+            return self._arrivals.read(lambda: port.in_waiting > 0, take)
 
     def close(self) -> None:
         port, self._port = self._port, None
         if port is None:
             return
-        try:
-            port.flush()
-        except OSError:
-            pass
-        port.close()
+        end = RealClock().now() + self.FLUSH
+        with contextlib.suppress(*BROKEN):  # not flush(), which may wait for ever
+            while port.out_waiting and RealClock().now() < end:
+                time.sleep(0.005)
+        with contextlib.suppress(*BROKEN):
+            port.close()
 
     def _require(self):
         if self._port is None:
@@ -156,32 +207,3 @@ def transport_for(address: str) -> Transport:
     if kind != "tcp" or not host or not (port or "1").isdigit():
         raise ValueError(f"{address!r} is no robot: give tcp://HOST[:PORT] or serial://DEVICE")
     return Tcp(host, int(port or PORT))
-
-
-class Inside:
-    """The host's end of a link inside one process; the other end is a `MemoryServer`."""
-
-    def __init__(self, server) -> None:
-        self.server, self._link = server, None
-
-    def open(self) -> None:
-        self._link = self.server.connect()
-
-    def send(self, data: bytes) -> None:
-        if self._link is None or self._link.broken:
-            raise LinkLost("the link in memory is broken")
-        self._link.to_robot += data
-
-    def receive(self) -> bytes:
-        if self._link is None:
-            raise LinkLost("no link in memory")
-        data = bytes(self._link.to_host)
-        self._link.to_host.clear()
-        if not data and self._link.broken:
-            raise LinkLost("the robot closed the link in memory")
-        return data
-
-    def close(self) -> None:
-        if self._link is not None:
-            self._link.ended = True
-        self._link = None

@@ -25,7 +25,8 @@ BATTERY, TEMPERATURE, LED, I2C, IMAGE = 0x9E, 0x8C, 0xB4, 0xA9, 0xB7
 #: Bytes of arguments that follow a code; 0 where it is not named.
 ARGUMENTS = {SET_SPEED: 4, SET_STEPS: 4, LED: 2, I2C: 3}
 
-#: What a code answers, as a format of ``struct``; an image has a header of its own.
+#: What a code answers, as a format of ``struct``; an image has a header of its own. ``GROUND``
+#: depends on the robot: `answers_of`.
 ANSWERS = {
     GET_SPEED: "<2h", GET_STEPS: "<2h", PROXIMITY: "<8H", AMBIENT: "<8H", GROUND: "<3H",
     MICROPHONES: "<3H", ACCELEROMETER: "<3h", INCLINATION: "<3f", GYROSCOPE: "<3h",
@@ -106,6 +107,24 @@ def read_line(line: str) -> tuple[str, tuple[int, ...]]:
         return letter, tuple(int(number) for number in numbers)
     except ValueError as error:
         raise ProtocolError(f"{line[:40]!r} is no answer of numbers") from error
+
+
+def answers_of(line: str, answers: Mapping[int, str] = ANSWERS) -> dict[int, str]:
+    """Formats of one robot's answers, from its answer to the text ``M``.
+
+    An e-puck1 whose firmware was built with cliff sensors measures the ground in 5 places
+    instead of 3, and nothing in the binary answer tells.
+
+    Raises:
+        ProtocolError: the line tells of no place.
+
+    >>> answers_of("m,10,20,30,40,50")[GROUND]
+    '<5H'
+    """
+    letter, places = read_line(line)
+    if letter != "m" or not places:
+        raise ProtocolError(f"{line[:40]!r} does not say what the ground sensors measure")
+    return {**answers, GROUND: f"<{len(places)}H"}
 
 
 def read_answers(

@@ -4,7 +4,7 @@ import os
 import socket
 from typing import Protocol
 
-from dntorch.robot.transports import Inside
+from dntorch.robot.link import LinkLost
 
 
 class Link(Protocol):
@@ -139,7 +139,7 @@ class MemoryServer:
     def __init__(self, room: int = 1 << 18) -> None:
         self.room, self._waiting = room, []
 
-    def transport(self) -> Inside:
+    def transport(self) -> "Inside":
         """The client's end."""
         return Inside(self)
 
@@ -175,3 +175,34 @@ class _MemoryLink:
 
     def close(self) -> None:
         self.broken = True
+
+
+class Inside:
+    """The host's end of a link inside one process; the other end is a `MemoryServer`."""
+
+    behind, descriptor = 0.0, None
+
+    def __init__(self, server) -> None:
+        self.server, self._link = server, None
+
+    def open(self) -> None:
+        self._link = self.server.connect()
+
+    def send(self, data: bytes) -> None:
+        if self._link is None or self._link.broken:
+            raise LinkLost("the link in memory is broken")
+        self._link.to_robot += data
+
+    def receive(self) -> bytes:
+        if self._link is None:
+            raise LinkLost("no link in memory")
+        data = bytes(self._link.to_host)
+        self._link.to_host.clear()
+        if not data and self._link.broken:
+            raise LinkLost("the robot closed the link in memory")
+        return data
+
+    def close(self) -> None:
+        if self._link is not None:
+            self._link.ended = True
+        self._link = None
