@@ -35,7 +35,7 @@ def look_around(env: HardwareEnv, progress: Callable[[float], Any] = lambda shar
         ConnectionError: images stay away for too long.
     """
     env.reset()
-    views = Views([], [], [])
+    views, link = Views([], [], []), env.frame.link
     whole = math.tau * TURNS * EPUCK.axle / EPUCK.wheel_radius
     speeds, done = np.array(env.body.spin(RATE)), 0.0
     end = env.clock.now() + 4 * TURNS * math.tau / RATE
@@ -48,6 +48,8 @@ def look_around(env: HardwareEnv, progress: Callable[[float], Any] = lambda shar
         if not env.step(speeds)[4]["fresh"]:
             continue
         frame = env.frame
+        if frame.link != link:  # counters begin anew, and nobody knows how far it turned meanwhile
+            views, link, done = Views([], [], []), frame.link, 0.0
         left, right = frame.steps * (math.tau / STEPS_PER_TURN)
         views.images.append(frame.image)
         views.wheels.append(float(right - left))

@@ -168,6 +168,8 @@ class HardwareEnv(gymnasium.Env):
         frame, before = self.guard.frame, self._frame
         if frame is None or (before is not None and frame.number == before.number):
             return False
+        if before is not None and frame.link != before.link:
+            self._zero = self._zero + frame.steps - before.steps  # the wheels have not jumped
         self._frame = frame
         if "image" in self.observation_space.keys():
             self._image = self._as_agent_sees(frame.image)

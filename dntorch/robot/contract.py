@@ -1,6 +1,6 @@
 """What a robot is: frames come from it, wheel speeds go to it."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -13,11 +13,13 @@ class Frame(NamedTuple):
     proximity: np.ndarray
     """float32 ``(8,)``, ps0 ... ps7, near is large"""
     steps: np.ndarray
-    """int64 ``(2,)``, motor steps since the link was made, left first, 1000 a turn; never wrap"""
+    """int64 ``(2,)``, motor steps, left first, 1000 a turn; never wraps around"""
     time: float
     """s, of the clock, when its image had arrived, or earlier if nobody can know"""
     number: int
     """counts the frames"""
+    link: int = 1
+    """counts the links: with each ``steps`` begin anew"""
 
 
 class Robot(Protocol):
@@ -46,3 +48,11 @@ class Robot(Protocol):
 
     def close(self) -> None:
         """Stop and give the link back. Never raises."""
+
+
+@runtime_checkable
+class Watched(Protocol):
+    """A robot that can be stopped when the process that drives it can not."""
+
+    def watch(self, limit: float) -> None:
+        """Stop by other means when no `drive` comes for ``limit`` s; call it before `connect`."""

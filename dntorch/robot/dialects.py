@@ -132,7 +132,9 @@ class Sercom:
         if self._next == "j":
             # Again speed 0: if the first talk failed, this is the first that is heard.
             return self.drive(0, 0) + sercom.text("J", 1, *self.window, -1, -1)
-        return sercom.chain(*self.asked) if self._next == "frame" else sercom.text(self._next.upper())
+        if self._next == "frame":
+            return sercom.chain(*self.asked)
+        return sercom.text(self._next.upper())
 
     def farewell(self) -> bytes:
         return self.drive(0, 0) + sercom.text("S")

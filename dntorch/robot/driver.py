@@ -24,7 +24,8 @@ class Driver:
     A reader in the background keeps only the newest frame. Every command is one ``send``.
     What arrives first after ``gap`` seconds without a byte may be old, since it lay on the
     way meanwhile, and nothing in the protocols tells: that one reading is passed over. A reader
-    that was itself held up so long passes over all that it finds, and one more.
+    that was itself held up so long, say suspended, passes over all that it finds in the ``gap``
+    seconds after that, and one more.
     Bytes that no robot sends, a broken link or long silence end the link: stop commands are
     tried on it, then it is closed. Wheel steps count from the first frame of each link. The
     firmware has no watchdog; see `dntorch.robot.safety` for what stops the robot while the link
@@ -64,8 +65,8 @@ class Driver:
         self._frame: Frame | None = None
         self._number, self._wrapped, self._steps = 0, None, np.zeros(2, np.int64)
         self._sending, self._reader, self._over = threading.RLock(), None, True
-        self._heard = self._failed = -math.inf
-        self._stalled = self._late = False
+        self._heard = self._failed = self._settled = -math.inf
+        self._stalled = False
         self._limit: float | None = None
         self._deputy: Deputy | None = None
 
@@ -151,22 +152,25 @@ class Driver:
         """Watch how long the robot is silent, and how long nobody has listened."""
         quiet = self.clock.now() - self._heard
         if heard:
-            self._late = behind > self.gap
-            self._stalled |= self._late or quiet > self.gap
             self._heard = self.clock.now()
+            self._stalled |= quiet > self.gap
+            if behind > self.gap:
+                # More of it lies on the way, and nothing tells its end from what is new.
+                self._settled = self._heard + self.gap
         elif quiet > self.silence:
             raise LinkLost(f"no byte for {self.silence:g} s")
 
     def _keep(self, reading: Reading) -> None:
-        if self._stalled:
-            self._stalled = self._late
+        if self._stalled or self.clock.now() < self._settled:
+            self._stalled = self.clock.now() < self._settled
             return
         now = np.array(reading.steps, np.int64)
         if self._wrapped is not None:
             self._steps = self._steps + (now - self._wrapped + 32768) % 65536 - 32768
         self._wrapped, self._number = now, self._number + 1
         image, proximity = rgb565.decode(reading.picture), np.array(reading.proximity, np.float32)
-        self._frame = Frame(image, proximity, self._steps, reading.time, self._number)
+        frame = image, proximity, self._steps, reading.time, self._number
+        self._frame = Frame(*frame, self.connections)
 
     # ---------------------------------------------------------------- the link
 

@@ -1,21 +1,21 @@
 """What stops the robot, whatever happens on this side of the link.
 
 The firmware keeps the last speed for ever: it has no watchdog, and a closed connection does
-not stop the motors. What no program can do from here: stop a robot whose link is down, or
-after this process was killed with SIGKILL. So let the robot run where it can do no harm.
+not stop the motors. What no program can do from here: stop a robot whose link is down, or after
+the computer has crashed or fallen asleep. So let the robot run where it can do no harm.
 """
 
 import atexit
 import contextlib
 import math
-import signal
 import threading
 from dataclasses import dataclass
 
 from dntorch.body import EPUCK
 from dntorch.quantities import check_quantities
 from dntorch.robot.clock import Clock, RealClock
-from dntorch.robot.contract import Frame, Robot
+from dntorch.robot.contract import Frame, Robot, Watched
+from dntorch.robot.signals import REQUESTS, Signals
 
 #: Farthest back, in s, that a change of speed may have begun.
 PAUSE = 0.1
@@ -66,28 +66,36 @@ class Guard:
     too fast, too sudden                    the nearest speed that is allowed
     NaN or infinity                         a stop, and a ``ValueError`` for you
     the ``with`` block ends or raises       a stop, and the link is closed
-    SIGINT, SIGTERM (main thread)           a stop; then the program goes its way to the end
+    SIGINT, SIGTERM, SIGHUP, SIGQUIT        a stop; then the program goes its way to the end
+    SIGTSTP (Ctrl-Z), SIGTTIN, SIGTTOU      a stop; then the program is suspended
+    SIGCONT                                 speed 0 until a frame comes that is newer
     the interpreter exits                   a stop
+    this process is killed, suspended, or   a stop, from another process
+    its interpreter held up
     ======================================  =================================================
 
-    A stop is speed 0, three times over. Signals and exit are watched inside ``with`` only.
+    A stop is speed 0, three times over. Signals and exit are watched inside ``with`` only, signals
+    in the main thread. The last line is for robots that have a ``watch``, as `Driver`: see
+    `dntorch.robot.deputy`.
 
     Attributes:
         tripped: why the robot stands although nobody said so, or ``None``.
     """
 
-    SIGNALS = (signal.SIGINT, signal.SIGTERM)
+    SIGNALS = REQUESTS
 
     def __init__(self, robot: Robot, clock: Clock | None = None, limits: Limits | None = None):
         self.robot, self.clock, self.limits = robot, clock or RealClock(), limits or Limits()
         self.tripped: str | None = None
         self._speeds, self._commanded = (0.0, 0.0), -math.inf
         self._lock, self._watch = threading.RLock(), None
-        self._sender, self._pending, self._former = None, None, {}
+        self._signals, self._resumed = Signals(self.stop, self._resume), -math.inf
 
     # ---------------------------------------------------------------- a robot
 
     def connect(self) -> None:
+        if isinstance(self.robot, Watched):
+            self.robot.watch(self.limits.watchdog)
         self.robot.connect()
         self._commanded = self.clock.now()
         if self._watch is None:
@@ -149,9 +157,11 @@ class Guard:
                 self.stop()
 
     def _stale(self) -> str | None:
-        if self.robot.frame is None:
+        frame = self.robot.frame
+        if frame is None:
             return "no frame yet"
-        return "no fresh frame" if self.robot.age > self.limits.patience else None
+        old = self.robot.age > self.limits.patience or frame.time <= self._resumed
+        return "no fresh frame" if old else None
 
     def _limited(self, left: float, right: float) -> tuple[float, float]:
         """The nearest speeds that are neither too fast nor too sudden."""
@@ -168,41 +178,23 @@ class Guard:
     def __enter__(self) -> "Guard":
         self.connect()
         atexit.register(self.close)
-        if threading.current_thread() is threading.main_thread():
-            for number in self.SIGNALS:
-                self._former[number] = signal.signal(number, self._on_signal)
+        self._signals.catch()
         return self
 
     def __exit__(self, *_) -> None:
         try:
             self.close()
         finally:
-            for number, handler in self._former.items():
-                signal.signal(number, handler)
-            self._former = {}
+            self._signals.release()
             atexit.unregister(self.close)
 
-    def _on_signal(self, number: int, frame) -> None:
-        if self._sender == threading.get_ident():
-            self._pending = number  # half a command has left: let the other half follow first
-            return
+    def _resume(self) -> None:
+        """Whatever was seen before the program was suspended says nothing of now."""
+        self._resumed = self.clock.now()
         self.stop()
-        former = self._former.get(number)
-        if callable(former):
-            former(number, frame)
-        elif former is not signal.SIG_IGN:
-            raise SystemExit(128 + number)
 
     @contextlib.contextmanager
     def _whole(self):
-        """No signal cuts what is sent here; one that came meanwhile is handled after it."""
-        with self._lock:
-            outer, self._sender = self._sender, threading.get_ident()
-            try:
-                yield
-            finally:
-                self._sender = outer
-        pending = self._pending
-        if outer is None and pending is not None:
-            self._pending = None
-            self._on_signal(pending, None)
+        """No other thread, and no signal, cuts what is sent here."""
+        with self._lock, self._signals.held():
+            yield

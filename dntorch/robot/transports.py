@@ -11,6 +11,7 @@ from dntorch.robot.clock import RealClock
 from dntorch.robot.codecs.wifi import PORT
 from dntorch.robot.link import BROKEN, Arrivals, LinkLost, TerminalError, losing
 
+
 class Transport(Protocol):
     """A stream of bytes to and from a robot.
 
