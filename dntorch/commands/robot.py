@@ -13,7 +13,7 @@ from dntorch.body import EPUCK, FASTEST
 from dntorch.commands.calibrate import FILE, calibrate, measure
 from dntorch.commands.common import Computing, new_folder
 from dntorch.commands.target import Target, open_target, options_of_target
-from dntorch.process import end_when_asked
+from dntorch.process import end_when_asked, postponed
 from dntorch.runs.config import Config
 
 if TYPE_CHECKING:
@@ -107,9 +107,10 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
                     each = partial(_follow, bar, trip, agent, reel, save)
                     driving.perform(env, act, trip, steps, iterations, paid, each)
             finally:
-                env.close()  # the robot stands before anything is written
-                save()
-                _report(folder, trip, env.calibration, target)
+                with postponed():  # who asks twice to end must not lose what was learned
+                    env.close()  # the robot stands before anything is written
+                    save()
+                    _report(folder, trip, env.calibration, target)
         if learn:
             click.echo(f"learned values: {folder / CHECKPOINT}, a run of its own")
         if reel:

@@ -35,6 +35,10 @@ class Arrivals:
     Who waits for bytes on an empty link knows: now. Who finds some, or waited longer than he
     meant to, was elsewhere meanwhile (suspended, or another thread held the interpreter).
 
+    Args:
+        wait: s that ``take`` waits for bytes.
+        now: a clock.
+
     Attributes:
         behind: s since the earliest moment at which the bytes of the last `read` may have come.
     """
@@ -42,8 +46,8 @@ class Arrivals:
     SLACK = 0.02
     """s by which a wait may end late on a busy machine, and count as in time"""
 
-    def __init__(self, wait: float) -> None:
-        self.wait, self.behind, self._now = wait, 0.0, RealClock().now
+    def __init__(self, wait: float, now: Callable[[], float] = RealClock().now) -> None:
+        self.wait, self.behind, self._now = wait, 0.0, now
         self._empty = self._now()
 
     def read(self, waiting: Callable[[], bool], take: Callable[[], tuple[bytes, bool]]) -> bytes:

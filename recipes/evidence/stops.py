@@ -79,7 +79,7 @@ class World:
 
 
 class Firmware(WifiFirmware):
-    """That of an e-puck2; it writes down when it was told which speed."""
+    """That of an e-puck2; it writes down when it was told to move, on how old an image, or not."""
 
     def __init__(self, world: World) -> None:
         super().__init__()
@@ -88,7 +88,8 @@ class Firmware(WifiFirmware):
     def _obey(self, data: bytes) -> None:
         super()._obey(data)
         left, _ = self.speeds
-        self.told.append((time.monotonic(), left and (self.world.steps + 1 - left) % CYCLE / RATE))
+        age = (self.world.steps + 1 - left) % CYCLE / RATE if left else None
+        self.told.append((time.monotonic(), age))
 
 
 def happen(event: str) -> tuple[float | None, int, float | None]:
@@ -102,9 +103,9 @@ def happen(event: str) -> tuple[float | None, int, float | None]:
     firmware = Firmware(world)
     with Emulator(world, server, firmware, RealClock()) as robot, subprocess.Popen(
         [sys.executable, __file__, "--drive", server.address],
-        stdin=subprocess.PIPE, text=True,
+        stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
     ) as program:  # fmt: skip
-        while sum(age != 0 for _, age in firmware.told) < RATE / 2:
+        while sum(age is not None for _, age in firmware.told) < RATE / 2:
             time.sleep(0.01)
         began = time.monotonic()
         if event in LINK:
@@ -121,10 +122,10 @@ def happen(event: str) -> tuple[float | None, int, float | None]:
             time.sleep(HELD)
         program.kill()
         told = [(moment, age) for moment, age in firmware.told if moment > began]
-    stood = next((k for k, (_, age) in enumerate(told) if age == 0), None)
+    stood = next((k for k, (_, age) in enumerate(told) if age is None), None)
     if stood is None:
         return None, len(told), None
-    later = [age for _, age in told[stood:] if age]
+    later = [age for _, age in told[stood:] if age is not None]
     return told[stood][0] - began, stood, max(later, default=None)
 
 
