@@ -14,7 +14,7 @@ from robot_worlds import Turntable
 from dntorch.robot.clock import RealClock
 from dntorch.robot.deputy import Deputy
 from dntorch.robot.dialects import Wifi
-from dntorch.robot.driver import STOPS, Driver
+from dntorch.robot.driver import Driver
 from dntorch.robot.emulated.emulator import Emulator
 from dntorch.robot.emulated.firmware import WifiFirmware
 from dntorch.robot.emulated.servers import MemoryServer, TcpServer
