@@ -93,6 +93,9 @@ class Wifi:
 SURPLUS = 1 << 16
 """Bytes that nobody asked for after which a robot is no robot."""
 
+QUIET = 0.05
+"""s without a byte after which a serial line is quiet"""
+
 
 class Sercom:
     """The e-puck1 over a serial line: it answers what it is asked, one chain at a time.
@@ -116,7 +119,7 @@ class Sercom:
         self.hello()
 
     def hello(self) -> bytes:
-        self._buffer, self._size, self._surplus = b"", (0, 0), 0
+        self._buffer, self._size, self._surplus, self._last = b"", (0, 0), 0, 0.0
         self._waiting = "v"
         """letter of the line that is awaited, ``frame``, ``quiet``, or nothing"""
         self._next = "j"
@@ -141,7 +144,7 @@ class Sercom:
 
     def feed(self, data: bytes, time: float = 0.0) -> list[Reading]:
         if self._waiting == "quiet":
-            return self._calm(len(data))
+            return self._calm(len(data), time)
         self._buffer += data
         if self._waiting == "frame":
             return self._frame(time)
@@ -149,7 +152,7 @@ class Sercom:
         while lines and self._waiting:
             self._line(lines.pop(0))
         if self._next == "frame" and not self._waiting:
-            self._discard(len(self._buffer) + sum(map(len, lines)))
+            self._discard(len(self._buffer) + sum(map(len, lines)), time)
         return []
 
     def _line(self, line: str) -> None:
@@ -176,20 +179,21 @@ class Sercom:
             return []
         self._waiting = ""
         whole = len(self._buffer) - len(rest)
-        self._discard(len(rest) if len(rest) % whole else 0)
+        self._discard(len(rest) if len(rest) % whole else 0, time)
         return [Reading(found[sercom.IMAGE], *self._sensed(found), time)]
 
-    def _discard(self, surplus: int) -> None:
+    def _discard(self, surplus: int, time: float) -> None:
         """Empty the buffer; wait for quiet if a ``surplus`` of bytes begins something."""
-        self._buffer, self._surplus = b"", surplus
+        self._buffer, self._surplus, self._last = b"", surplus, time
         if surplus:
             self._waiting = "quiet"
 
-    def _calm(self, came: int) -> list[Reading]:
+    def _calm(self, came: int, time: float) -> list[Reading]:
         self._surplus += came
+        self._last = time if came else self._last
         if self._surplus > SURPLUS:
             raise ProtocolError(f"{self._surplus} bytes came that nobody asked for")
-        self._waiting = "quiet" if came else ""
+        self._waiting = "quiet" if time - self._last < QUIET else ""
         return []
 
     def _sensed(self, found: dict) -> tuple[tuple[int, ...], tuple[int, ...]]:

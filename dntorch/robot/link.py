@@ -37,7 +37,7 @@ class Arrivals:
 
     Args:
         wait: s that ``take`` waits for bytes.
-        now: a clock.
+        now: a clock; real time unless you say otherwise.
 
     Attributes:
         behind: s since the earliest moment at which the bytes of the last `read` may have come.
@@ -46,8 +46,8 @@ class Arrivals:
     SLACK = 0.02
     """s by which a wait may end late on a busy machine, and count as in time"""
 
-    def __init__(self, wait: float, now: Callable[[], float] = RealClock().now) -> None:
-        self.wait, self.behind, self._now = wait, 0.0, now
+    def __init__(self, wait: float, now: Callable[[], float] | None = None) -> None:
+        self.wait, self.behind, self._now = wait, 0.0, now or RealClock().now
         self._empty = self._now()
 
     def read(self, waiting: Callable[[], bool], take: Callable[[], tuple[bytes, bool]]) -> bytes:

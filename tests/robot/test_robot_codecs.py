@@ -127,6 +127,18 @@ def test_sercom_text_by_hand():
         sercom.read_line("v,Version 2.0 January 2018 GCtronic")
 
 
+@pytest.mark.parametrize("line, size", [("m,1,2,3", 6), ("m,1,2,3,4,5", 10)])
+def test_the_ground_is_as_long_as_the_text_says(line, size):
+    answers = sercom.answers_of(line)
+    data = struct.pack("<5H", 1, 2, 3, 4, 5)[:size] + b"\x19" + b"rest"
+    found, rest = sercom.read_answers([sercom.GROUND, sercom.TEMPERATURE], data, answers)
+    assert found[sercom.GROUND] == tuple(range(1, size // 2 + 1))
+    assert found[sercom.TEMPERATURE] == (25,) and rest == b"rest"
+    for wrong in ("m", "n,1,2,3", "m,x"):
+        with pytest.raises(ProtocolError):
+            sercom.answers_of(wrong)
+
+
 def test_sercom_requests_by_hand():
     stream = bytes.fromhex("bc 64 00 9c ff b7 00") + b"D,100,-100\rI\r\n" + bytes.fromhex("9e 00")
     assert sercom.split_requests(stream + b"J,1,4") == (

@@ -208,6 +208,84 @@ def test_an_image_of_another_size_or_mode_loses_the_link(wrong):
     assert bench.driver.lost is not None
 
 
+CHAIN = bytes.fromhex("b7 b2 af 00")
+
+
+def answer(step: int) -> bytes:
+    return PICTURE + bytes(16) + sercom.set_speed(step, 0)[1:]
+
+
+def started() -> Bench:
+    bench = agreed(Sercom())
+    assert bench.hear() == CHAIN
+    return bench
+
+
+@pytest.mark.parametrize("times", [2, 7, 1000])
+def test_answers_that_nobody_asked_for_are_thrown_away(times):
+    bench = started()
+    bench.say(times * answer(1))
+    for step in range(2, 6):
+        assert bench.hear() == CHAIN
+        bench.say(answer(step))
+        assert bench.driver.frame.steps[0] == step - 1, "it answers late"
+    assert bench.driver.frame.number == 5 and bench.driver.dialect._buffer == b""
+
+
+def test_after_part_of_an_answer_it_asks_nothing_until_the_line_is_quiet():
+    bench = started()
+    bench.say(answer(1) + answer(1)[:10])
+    bench.say(answer(1)[10:] + answer(1)[:3])
+    bench.say(answer(1)[3:])
+    assert bench.hear() == b"" and bench.driver.frame.number == 1
+    bench.say(b"", 0.1)
+    assert bench.hear() == b""
+    bench.say(b"")
+    assert bench.hear() == CHAIN
+    bench.say(answer(2))
+    assert bench.driver.frame.steps[0] == 1 and bench.driver.lost is None
+
+
+def test_a_peer_that_never_ceases_is_refused():
+    bench, sent = started(), 0
+    flood = (answer(1) * 20)[:-1]
+    while bench.driver.lost is None and sent < 10**6:
+        bench.say(flood)
+        sent += len(flood)
+        assert len(bench.driver.dialect._buffer) < 100
+    assert "that nobody asked for" in str(bench.driver.lost)
+    assert bench.hear().endswith(3 * sercom.chain(sercom.set_speed(0, 0)))
+
+
+def test_a_repeated_line_is_no_frame():
+    bench = Bench(Sercom())
+    for line in (LINES, b"j\r\n", 2 * b"i,1,2,1,8,4\r\n"):
+        bench.say(line)
+    assert CHAIN not in bench.hear()
+    bench.say(b"", 0.1)
+    assert bench.hear() == b""
+    bench.say(b"")
+    assert bench.hear() == CHAIN and bench.driver.lost is None
+
+
+class Grounded(Sercom):
+    """Asks for the ground as well."""
+
+    asked = (*Sercom.asked, sercom.GROUND)
+
+
+@pytest.mark.parametrize("places", [3, 5])
+def test_the_answer_about_the_ground_is_as_long_as_the_robot_makes_it(places):
+    bench = agreed(Grounded())
+    assert bench.hear() == b"M\n"
+    bench.say(b"m" + places * b",7" + b"\r\n")
+    for step in (1, 2, 3):
+        assert bench.hear() == bytes.fromhex("b7 b2 af b3 00")
+        bench.say(answer(step) + places * b"\7\0")
+        assert bench.driver.frame.steps[0] == step - 1
+    assert bench.driver.lost is None
+
+
 # ---------------------------------------------------------------- real links
 
 

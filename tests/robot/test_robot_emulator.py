@@ -174,6 +174,32 @@ def test_an_image_too_large_becomes_40x40_and_the_host_asks():
     assert setup.driver.frame.image.shape == (40, 40, 3)
 
 
+@pytest.mark.parametrize("bandwidth", [None, SERIAL])
+def test_repeated_answers_do_not_make_a_serial_line_late(bandwidth):
+    setup = Setup("sercom", bandwidth=bandwidth, faults=Faults(duplicate=0.3, seed=2))
+    setup.driver.connect()
+    setup.wait(5.0)
+    late, newest = [], setup.driver.frame.number
+    for _ in range(600):
+        setup.wait(1 / 32)
+        assert setup.driver.lost is None
+        if setup.driver.frame.number > newest:
+            newest = setup.driver.frame.number
+            late.append(setup.world.steps - number(setup.driver.frame.proximity))
+    assert setup.emulator.faults.counts["duplicate"] > 5 and len(late) > 10
+    assert max(late) <= 15, late  # 4079 bytes take 12 steps
+
+
+def test_a_robot_with_cliff_sensors_says_so_twice():
+    from dntorch.robot.codecs import sercom
+
+    firmware = build_firmware("sercom")
+    firmware.ground = 5
+    firmware.take(sercom.text("M") + sercom.chain(sercom.GROUND))
+    line, data = firmware.give(lambda: None, lambda: wifi.Sensors(ground=(7, 8, 9)))
+    assert line == b"m,7,8,9,7,8\r\n" and len(data) == 10
+
+
 def test_a_serial_line_is_slow():
     setup = Setup("sercom", bandwidth=SERIAL)
     setup.driver.connect()

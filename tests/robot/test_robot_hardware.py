@@ -235,6 +235,24 @@ def test_what_it_acts_on_is_never_much_older_than_it_seems():
     assert max(older) <= 0.5 + 0.3 + 2 / 32
 
 
+@pytest.mark.parametrize("counted", [-20_000, 20_000])
+def test_wheels_do_not_jump_when_another_robot_is_linked(counted):
+    setup = Setup(pacing="request", reconnect=True)
+    env = env_on(setup)
+    env.reset()
+    hours(env, 64)
+    before = env.step(np.zeros(2))[0]["wheels"]
+    setup.emulator.firmware.counters = (counted, counted)  # as after a power cycle
+    setup.emulator._drop()
+    while env.guard.connections < 2 or env.guard.frame is None:
+        env.step(np.zeros(2))
+    after, *_, info = env.step(np.zeros(2))
+    assert info["connections"] == 2 and np.abs(after["wheels"] - before).max() <= 2
+    hours(env, 64)
+    turned = env.step(np.zeros(2))[0]["wheels"] - after["wheels"]
+    assert np.allclose(turned, np.array((1.2, -1.2)) * STEPS, atol=12)
+
+
 # ---------------------------------------------------------------- beside the simulated env
 
 

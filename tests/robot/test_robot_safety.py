@@ -1,6 +1,7 @@
 """Everything that stops the robot, and that without it the robot would not stop."""
 
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -257,11 +258,18 @@ BODIES = {
     "sigint": "with guard:\n guard.drive(1., 1.); os.kill(os.getpid(), 2); time.sleep(9)",
     "half": "with guard:\n guard.drive(1., 1.); time.sleep(9)",
 }
+for name in ("hup", "quit", "usr1", "alrm"):
+    number = f"signal.SIG{name.upper()}"
+    BODIES[name] = (
+        f"with guard:\n guard.drive(1., 1.); os.kill(os.getpid(), {number}); time.sleep(9)"
+    )
 HALF = "os.write(1, b'dri'); os.kill(os.getpid(), 15); time.sleep(0.05); os.write(1, b've\\n')"
 
 
 @pytest.mark.parametrize("way, code", [
-    ("exit", 0), ("end", 0), ("sigterm", 143), ("sigint", 1), ("half", 143)
+    ("exit", 0), ("end", 0), ("sigterm", 143), ("sigint", 1), ("half", 143),
+    *[(name, 128 + getattr(signal, f"SIG{name.upper()}"))
+      for name in ("hup", "quit", "usr1", "alrm")],
 ])  # fmt: skip
 def test_the_robot_stops_when_the_program_ends(way, code):
     drive = HALF if way == "half" else "self.say('drive')"
@@ -271,6 +279,69 @@ def test_the_robot_stops_when_the_program_ends(way, code):
     assert words[:2] == ["connect", "drive"], done.stderr
     assert words[2] == "stop" and words[-1] == "close" and {*words[2:]} == {"stop", "close"}
     assert done.returncode in (code, -signal.SIGINT), done.stderr
+
+
+SUSPENDED = """with guard:
+ guard.drive(1.0, 1.0)
+ os.kill(os.getpid(), signal.{name})
+ guard.drive(1.0, 1.0)
+ guard.robot.frame = guard.robot.frame._replace(time=guard.clock.now())
+ guard.drive(1.0, 1.0)
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGTSTP", "SIGTTIN", "SIGTTOU", "SIGSTOP"])
+def test_a_suspended_robot_stands_and_goes_on_with_a_fresh_image(name):
+    say = "self.say('moves' if left else 'stands')"
+    program = PROGRAM.format(path=dntorch.__path__[0], drive=say, body=SUSPENDED.format(name=name))
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True
+    ) as process:
+        _, status = os.waitpid(process.pid, os.WUNTRACED)
+        assert os.WIFSTOPPED(status), "it was not suspended"
+        before = [process.stdout.readline().strip() for _ in range(2 + (name != "SIGSTOP"))]
+        os.kill(process.pid, signal.SIGCONT)
+        after = process.stdout.read().split()
+    # Of SIGSTOP nobody hears: the deputy of a real link stops the robot meanwhile.
+    assert before == ["connect", "moves", "stop"][: len(before)]
+    assert after[0] == "stop" and after.index("stands") < after.index("moves"), after
+    assert after[-1] == "close" and process.returncode == 0
+
+
+def test_several_signals_in_one_command_all_act():
+    drive = "self.say('drive'); [os.kill(os.getpid(), n) for n in (18, 20, 15)]"
+    body = "with guard:\n guard.drive(1., 1.); time.sleep(9)"
+    program = PROGRAM.format(path=dntorch.__path__[0], drive=drive, body=body)
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as process:
+        _, status = os.waitpid(process.pid, os.WUNTRACED)
+        assert os.WIFSTOPPED(status)
+        os.kill(process.pid, signal.SIGCONT)
+        process.communicate()
+    assert process.returncode == 143
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT])
+def test_what_the_program_ignores_stays_ignored(number):
+    former = signal.signal(number, signal.SIG_IGN)
+    try:
+        with Bench().guard:
+            assert signal.getsignal(number) is signal.SIG_IGN
+    finally:
+        signal.signal(number, former)
+
+
+def test_a_timer_of_the_program_stops_nothing():
+    bench, rang = Bench(), []
+    former = signal.signal(signal.SIGALRM, lambda *_: rang.append(1))
+    try:
+        with bench.guard:
+            bench.link = bench.server.accept()
+            bench.run(1.0)
+            signal.raise_signal(signal.SIGALRM)
+            bench.wait(0.1)
+            assert rang and bench.moves
+    finally:
+        signal.signal(signal.SIGALRM, former)
 
 
 def test_without_the_guard_nothing_stops_at_the_end():

@@ -18,11 +18,12 @@ class SercomFirmware:
     Args:
         version: 1 or 2.
         room: bytes of the largest image; larger ones become 40x40 in silence.
+        ground: places of the ground that it measures: 3, or 5 if built with cliff sensors.
     """
 
-    def __init__(self, version: int = 1, room: int = 52 * 39 * 2) -> None:
+    def __init__(self, version: int = 1, room: int = 52 * 39 * 2, ground: int = 3) -> None:
         self.limit = EPUCK1_LIMIT if version == 1 else EPUCK2_LIMIT
-        self.version, self.room = version, room
+        self.version, self.room, self.ground = version, room, ground
         self.speeds, self.counters, self.calibrations = (0, 0), None, 0
         self.camera = (1, 40, 40, 8)
         """mode, width, height, zoom"""
@@ -112,7 +113,7 @@ class SercomFirmware:
         values = {
             "E": self.speeds, "N": sensors.proximity, "O": sensors.ambient, "Q": sensors.steps,
             "I": (mode, width, height, zoom, (1 + mode) * width * height),
-            "A": sensors.accelerometer, "C": (sensors.selector,), "M": sensors.ground,
+            "A": sensors.accelerometer, "C": (sensors.selector,), "M": self._below(sensors),
             "U": sensors.microphones[:3],
             "V": (f"Version {version} (emulated)\r\nHW version: 0",),
         }  # fmt: skip
@@ -132,7 +133,7 @@ class SercomFirmware:
             sercom.PROXIMITY: ("<u2", sensors.proximity), sercom.AMBIENT: ("<u2", sensors.ambient),
             sercom.ACCELEROMETER: ("<i2", sensors.accelerometer),
             sercom.GYROSCOPE: ("<i2", sensors.gyroscope),
-            sercom.GROUND: ("<u2", sensors.ground),
+            sercom.GROUND: ("<u2", self._below(sensors)),
             sercom.MICROPHONES: ("<u2", sensors.microphones[:3]),
             sercom.INCLINATION: ("<f4", sensors[1:4]),
             sercom.BATTERY: ("<u2", (sensors.battery,)),
@@ -140,6 +141,10 @@ class SercomFirmware:
         }  # fmt: skip
         kind, numbers = values.get(code, ("<u1", ()))
         return np.array(numbers, kind).tobytes()
+
+    def _below(self, sensors: wifi.Sensors) -> tuple[int, ...]:
+        """The cliff sensors see what those of the ground see."""
+        return (2 * sensors.ground)[: self.ground]
 
     def _picture(self, image: np.ndarray) -> bytes:
         mode, width, height, _ = self.camera
