@@ -156,6 +156,16 @@ def test_a_robot_beside_its_simulation_does_the_same(trained: Path) -> None:
     assert not lines[3].endswith("heading 0 degrees"), lines[3]
 
 
+def test_a_robot_stands_whatever_happens_and_moves_on_fresh_images_alone() -> None:
+    events = ["HUP", "KILL", "STOP", "interpreter held up"]
+    printed = run("evidence/stops.py", "--runs", 1, "--events", *events)
+    rows = [line.split("|")[1:5] for line in printed.splitlines()[2:]]
+    assert [name.strip() for name, *_ in rows] == ["SIGHUP", "SIGKILL", "SIGSTOP", events[-1]]
+    for _, times, _, oldest in rows:
+        assert float(times.split(",")[0]) < 10.0, printed  # 0.03 or 0.5, on a machine at rest
+        assert oldest.strip() == "moved no more" or float(oldest) < 1.4, printed  # 2 s without care
+
+
 def test_the_ring_in_torch_is_that_of_pybullet() -> None:
     pytest.importorskip("pybullet")
     printed = run("evidence/ring_against_pybullet.py", "--poses", 12)

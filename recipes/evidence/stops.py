@@ -93,12 +93,7 @@ class Firmware(WifiFirmware):
 
 
 def happen(event: str) -> tuple[float | None, int, float | None]:
-    """Let it happen once.
-
-    Returns:
-        s until the robot was told speed 0; commands of motion until then; s, age of the oldest
-        image on which it moved after that.
-    """
+    """s until speed 0, commands of motion until then, s of the oldest image moved on after it."""
     world, server = World(), TcpServer()
     firmware = Firmware(world)
     with Emulator(world, server, firmware, RealClock()) as robot, subprocess.Popen(
