@@ -70,7 +70,8 @@ def robot() -> None:
 def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, out, **target):
     """Let the trained agent of a RUN drive a robot.
 
-    Ctrl-C, an error or a lost link stop the robot. RUN itself is only read: with --learn, what
+    Ctrl-C, Ctrl-Z, a closed terminal, an error or a lost link stop the robot, as does a process
+    of its own when this one can not. RUN itself is only read: with --learn, what
     is learned goes to OUT/checkpoint.pt, which is a run of its own, after each completed
     sequence and at the end. Exit code 1 when it ended before all iterations were done.
     """

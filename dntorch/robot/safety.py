@@ -67,6 +67,7 @@ class Guard:
     NaN or infinity                         a stop, and a ``ValueError`` for you
     the ``with`` block ends or raises       a stop, and the link is closed
     SIGINT, SIGTERM, SIGHUP, SIGQUIT        a stop; then the program goes its way to the end
+    others that end a program by default    the same
     SIGTSTP (Ctrl-Z), SIGTTIN, SIGTTOU      a stop; then the program is suspended
     SIGCONT                                 speed 0 until a frame comes that is newer
     the interpreter exits                   a stop

@@ -16,8 +16,8 @@ from dntorch.robot.deputy import Deputy
 from dntorch.robot.dialects import Wifi
 from dntorch.robot.driver import Driver
 from dntorch.robot.emulated.emulator import Emulator
-from dntorch.robot.emulated.firmware import WifiFirmware
-from dntorch.robot.emulated.servers import MemoryServer, TcpServer
+from dntorch.robot.emulated.firmware import SercomFirmware, WifiFirmware
+from dntorch.robot.emulated.servers import MemoryServer, PtyServer, TcpServer
 from dntorch.robot.transports import Tcp
 
 STOP = b"stop!"
@@ -159,12 +159,12 @@ def test_in_memory_there_is_nothing_to_watch():
 #: Drives for ever; a line on its standard input holds the interpreter up.
 PROGRAM = """
 import ctypes, select, sys, time
-from dntorch.robot.dialects import Wifi
+from dntorch.robot.dialects import DIALECTS
 from dntorch.robot.driver import Driver
 from dntorch.robot.safety import Guard
 from dntorch.robot.transports import transport_for
 
-driver = Driver(transport_for(sys.argv[1]), Wifi())
+driver = Driver(transport_for(sys.argv[1]), DIALECTS[sys.argv[2]]())
 if "alone" in sys.argv:
     Driver.watch = lambda self, limit: None
 with Guard(driver) as guard:
@@ -194,7 +194,7 @@ class Remembering(WifiFirmware):
 def test_the_robot_stops_although_the_program_can_not(fate, alone):
     server, firmware = TcpServer(), Remembering()
     with Emulator(Turntable(), server, firmware) as robot, subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, server.address, *["alone"] * alone],
+        [sys.executable, "-c", PROGRAM, server.address, "wifi", *["alone"] * alone],
         stdin=subprocess.PIPE,
     ) as program:  # fmt: skip
         try:
@@ -216,3 +216,16 @@ def test_the_robot_stops_although_the_program_can_not(fate, alone):
                 assert wait(lambda: not any(robot.speeds))
         finally:
             program.kill()
+
+
+def test_it_speaks_the_language_of_a_serial_line():
+    pytest.importorskip("serial")
+    server, firmware = PtyServer(), SercomFirmware()
+    with Emulator(Turntable(), server, firmware) as robot, subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, server.address, "sercom"], stdin=subprocess.PIPE
+    ) as program:  # fmt: skip
+        try:
+            assert wait(lambda: any(robot.speeds), 60.0)
+        finally:
+            program.kill()
+        assert wait(lambda: not any(robot.speeds))

@@ -172,6 +172,20 @@ def test_nothing_but_a_lost_link_comes_of_an_unplugged_line(what, line):
         assert descriptors() < before, "a descriptor is left open"
 
 
+def test_a_line_unplugged_while_it_is_opened_is_a_lost_link(line, monkeypatch):
+    import termios
+
+    import serial
+
+    def unplugged(*_, **__):
+        raise termios.error(5, "Input/output error")
+
+    monkeypatch.setattr(serial, "Serial", unplugged)
+    with pytest.raises(LinkLost, match="Input/output"):
+        Serial(str(line.path)).open()
+    line.unplug()
+
+
 def test_an_unplugged_line_is_made_anew_as_a_connection_is(line):
     threads = threading.active_count()
     driver = Driver(Serial(str(line.path), wait=0.01), Wifi(), reconnect=True, retry=0.05)
