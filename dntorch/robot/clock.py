@@ -17,6 +17,9 @@ class Ongoing(Protocol):
 class Clock(Protocol):
     """Seconds since whenever, and things that go on meanwhile."""
 
+    real: bool
+    """whether it goes on by itself, so that one may be late"""
+
     def now(self) -> float: ...
     def sleep_until(self, moment: float) -> None: ...
     def every(self, period: float, action: Callable[[], None]) -> Ongoing:
@@ -32,6 +35,8 @@ _CLOCK = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
 
 class RealClock:
     """The time on the wall; ``every`` and ``background`` start a thread each."""
+
+    real = True
 
     def now(self) -> float:
         return time.monotonic() if _CLOCK is None else time.clock_gettime(_CLOCK)
@@ -94,6 +99,8 @@ class VirtualClock:
     >>> seen
     [0.5, 1.0, 1.5]
     """
+
+    real = False
 
     def __init__(self) -> None:
         self._now, self._events, self._made = 0.0, [], itertools.count()

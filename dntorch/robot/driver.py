@@ -86,7 +86,8 @@ class Driver:
         """From the next link on, a process of its own (`Deputy`) watches over it.
 
         It stops the robot if this process dies, or if wheels turn and no `drive` comes for
-        ``limit`` s. Where the link is none of the operating system it does nothing.
+        ``limit`` s. In virtual time, and where the link is none of the operating system, it
+        does nothing.
         """
         self._limit = limit
 
@@ -139,22 +140,24 @@ class Driver:
                 self._try_again()
                 return
             data = self.transport.receive()
-            behind = getattr(self.transport, "behind", 0.0)
-            self._listen(bool(data), behind)
-            for reading in self.dialect.feed(data, self.clock.now() - behind):
+            arrived = self.clock.now()
+            if data and self.clock.real:
+                arrived = min(arrived, self.transport.arrived)
+            self._listen(bool(data), arrived)
+            for reading in self.dialect.feed(data, arrived):
                 self._keep(reading)
             with self._sending:
                 self._say(self.dialect.ask())
         except Exception as error:
             self._lose(error)
 
-    def _listen(self, heard: bool, behind: float) -> None:
+    def _listen(self, heard: bool, arrived: float) -> None:
         """Watch how long the robot is silent, and how long nobody has listened."""
         quiet = self.clock.now() - self._heard
         if heard:
             self._heard = self.clock.now()
             self._stalled |= quiet > self.gap
-            if behind > self.gap:
+            if self._heard - arrived > self.gap:
                 # More of it lies on the way, and nothing tells its end from what is new.
                 self._settled = self._heard + self.gap
         elif quiet > self.silence:
@@ -180,7 +183,9 @@ class Driver:
         self.transport.open()
         with self._sending:
             self.transport.send(self.dialect.hello())
-            descriptor = getattr(self.transport, "descriptor", None)
+            if self._over:
+                raise LinkLost("closed")  # while the link was made anew
+            descriptor = self.transport.descriptor if self.clock.real else None
             if self._limit is not None and descriptor is not None:
                 stop = STOPS * self.dialect.drive(0, 0)
                 self._deputy = Deputy(descriptor, self._limit, stop)
@@ -202,10 +207,11 @@ class Driver:
         self._hang_up()
 
     def _hang_up(self) -> None:
-        deputy, self._deputy = self._deputy, None
-        if deputy is not None:
-            deputy.dismiss()
-        self.transport.close()
+        with self._sending:  # or another thread might still speak to the deputy
+            deputy, self._deputy = self._deputy, None
+            if deputy is not None:
+                deputy.dismiss()
+            self.transport.close()
 
     def _whole(self, left: float, right: float) -> list[int]:
         """Motor steps/s, as far as the motors follow."""

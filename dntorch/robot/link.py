@@ -33,36 +33,41 @@ class Arrivals:
     """When bytes came that are read now: after the link was last seen empty.
 
     Who waits for bytes on an empty link knows: now. Who finds some, or waited longer than he
-    meant to, was elsewhere meanwhile (suspended, or another thread held the interpreter).
+    meant to, was elsewhere meanwhile (suspended, or another thread held the interpreter). That
+    may happen between any two lines here, so every moment is taken before what it stands for.
 
     Args:
-        wait: s that ``take`` waits for bytes.
+        wait: s to wait for bytes.
         now: a clock; real time unless you say otherwise.
 
     Attributes:
-        behind: s since the earliest moment at which the bytes of the last `read` may have come.
+        arrived: the earliest moment at which the bytes of the last `read` may have come.
     """
 
     SLACK = 0.02
     """s by which a wait may end late on a busy machine, and count as in time"""
 
     def __init__(self, wait: float, now: Callable[[], float] | None = None) -> None:
-        self.wait, self.behind, self._now = wait, 0.0, now or RealClock().now
-        self._empty = self._now()
+        self.wait, self._now = wait, now or RealClock().now
+        self._empty = self.arrived = self._now()
 
-    def read(self, waiting: Callable[[], bool], take: Callable[[], tuple[bytes, bool]]) -> bytes:
+    def read(self, ready: Callable[[float], bool], take: Callable[[], tuple[bytes, bool]]) -> bytes:
         """What has come.
 
         Args:
-            waiting: whether there is something to read.
-            take: waits and reads; the bytes, and whether they were all.
+            ready: whether there is something to read within so many s.
+            take: the bytes, and whether they were all.
         """
-        began = self._now()
-        empty = began if not waiting() else self._empty
+        empty = began = self._now()
+        if ready(0.0):
+            empty = self._empty
+        elif not ready(self.wait):
+            self._empty = began
+            return b""
+        else:
+            ended = self._now()
+            empty = ended if ended - began <= self.wait + self.SLACK else began
+        before = self._now()
         data, whole = take()
-        now = self._now()
-        if empty == began and now - began <= self.wait + self.SLACK:
-            empty = now
-        self.behind = now - empty
-        self._empty = now if whole else empty
+        self.arrived, self._empty = empty, before if whole else empty
         return data

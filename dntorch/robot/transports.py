@@ -16,12 +16,12 @@ class Transport(Protocol):
     """A stream of bytes to and from a robot.
 
     Attributes:
-        behind: s that the bytes of the last `receive` may have lain unread. A reader that was
-            held up cannot know when they came: since the link was last seen empty.
+        arrived: s of `RealClock`, the earliest at which the bytes of the last `receive` may have
+            come; infinite for now. A reader that was held up cannot know when they came.
         descriptor: of the operating system, for another process; ``None`` if there is none.
     """
 
-    behind: float
+    arrived: float
     descriptor: int | None
 
     def open(self) -> None:
@@ -65,8 +65,8 @@ class Tcp:
         self._arrivals = Arrivals(wait)
 
     @property
-    def behind(self) -> float:
-        return self._arrivals.behind
+    def arrived(self) -> float:
+        return self._arrivals.arrived
 
     @property
     def descriptor(self) -> int | None:
@@ -88,15 +88,13 @@ class Tcp:
             return bool(select.select([link], [], [], wait)[0])
 
         def take() -> tuple[bytes, bool]:
-            if not ready(self.wait):
-                return b"", True
             data = link.recv(size)
             if not data:
                 raise LinkLost(f"{self.host}:{self.port} closed the link")
             return data, len(data) < size
 
         with losing(f"{self.host}:{self.port}"):
-            return self._arrivals.read(lambda: ready(0.0), take)
+            return self._arrivals.read(ready, take)
 
     def close(self) -> None:
         link, self._socket = self._socket, None
@@ -135,8 +133,8 @@ class Serial:
         self._port, self._arrivals = None, Arrivals(wait)
 
     @property
-    def behind(self) -> float:
-        return self._arrivals.behind
+    def arrived(self) -> float:
+        return self._arrivals.arrived
 
     @property
     def descriptor(self) -> int | None:
@@ -163,15 +161,17 @@ class Serial:
             self._require().write(data)
 
     def receive(self) -> bytes:
-        port = self._require()
+        port, first = self._require(), b""
 
-        def take() -> tuple[bytes, bool]:
-            data = port.read(max(1, port.in_waiting))
-            data += port.read(port.in_waiting)
-            return data, True
+        def ready(wait: float) -> bool:
+            nonlocal first
+            if not wait:
+                return port.in_waiting > 0
+            first = port.read(1)  # as no select() of Windows waits for a line
+            return bool(first)
 
         with losing(self.path):
-            return self._arrivals.read(lambda: port.in_waiting > 0, take)
+            return self._arrivals.read(ready, lambda: (first + port.read(port.in_waiting), True))
 
     def close(self) -> None:
         port, self._port = self._port, None

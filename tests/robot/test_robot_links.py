@@ -12,10 +12,10 @@ from dntorch.robot.codecs import wifi
 from dntorch.robot.codecs.rgb565 import Picture
 from dntorch.robot.dialects import Wifi
 from dntorch.robot.driver import Driver
-from dntorch.robot.emulated.servers import MemoryServer
+from dntorch.robot.emulated.servers import MemoryServer, TcpServer
 from dntorch.robot.link import Arrivals, LinkLost
 from dntorch.robot.safety import Guard
-from dntorch.robot.transports import Serial
+from dntorch.robot.transports import Serial, Tcp
 
 IMAGE = wifi.encode_packet(Picture(160, 120, bytes(38400)))
 
@@ -41,45 +41,60 @@ class Reader:
         self.time = 100.0
         self.arrivals = Arrivals(0.05, lambda: self.time)
 
-    def read(self, waiting=False, took=0.0, data=b"x", whole=True) -> float:
+    def read(self, waiting=False, waited=0.0, reading=0.0, data=b"x", whole=True) -> float:
+        """s that it may have lain there when `read` is back."""
+
+        def ready(seconds):
+            self.time += waited if seconds else 0.0
+            return bool(data) if seconds else waiting
+
         def take():
-            self.time += took
+            self.time += reading
             return data, whole
 
-        self.arrivals.read(lambda: waiting, take)
-        return round(self.arrivals.behind, 6)
+        self.arrivals.read(ready, take)
+        return round(self.time - self.arrivals.arrived, 6)
 
 
 def test_who_waits_for_bytes_knows_when_they_came():
-    assert Reader().read(waiting=False, took=0.04) == 0.0
-    assert Reader().read(waiting=False, took=0.06) == 0.0  # a busy machine
+    assert Reader().read(waiting=False, waited=0.04) == 0.0
+    assert Reader().read(waiting=False, waited=0.06) == 0.0  # a busy machine
 
 
 def test_what_lay_there_may_have_come_since_the_link_was_last_empty():
     reader = Reader()
-    reader.read(took=0.04, data=b"")
+    reader.read(waited=0.05, data=b"")
     reader.time += 1.5  # suspended
-    assert reader.read(waiting=True, whole=False) == 1.5
-    assert reader.read(waiting=True, took=0.1) == 1.6  # it was not all
+    assert reader.read(waiting=True, whole=False) == 1.55
+    assert reader.read(waiting=True, reading=0.1) == 1.65  # it was not all
     reader.time += 0.01
-    assert reader.read(waiting=True) == 0.01
+    assert reader.read(waiting=True) == 0.11
 
 
-def test_who_was_suspended_while_waiting_does_not_know():
-    assert Reader().read(waiting=False, took=1.5) == 1.5
+def test_who_was_suspended_while_waiting_or_reading_does_not_know():
+    assert Reader().read(waiting=False, waited=1.5) == 1.5
+    reader = Reader()
+    assert reader.read(waiting=False, waited=0.02, reading=1.5) == 1.5
+    assert reader.read(waiting=True) == 1.5  # the link was empty before that, not after it
+
+
+class Passing(VirtualClock):
+    """Time in which one can be late."""
+
+    real = True
 
 
 class Behind:
-    """A driver in virtual time whose reader is as late as the test says."""
+    """A driver whose reader is as late as the test says."""
 
-    def __init__(self):
-        self.clock, server = VirtualClock(), MemoryServer()
+    def __init__(self, clock=Passing):
+        self.clock, server = clock(), MemoryServer()
         self.driver = Driver(server.transport(), Wifi(), self.clock)
         self.driver.connect()
         self.link = server.accept()
 
     def say(self, step: int, behind: float = 0.0, wait: float = 0.1):
-        self.driver.transport.behind = behind
+        self.driver.transport.arrived = self.clock.now() - behind
         self.link.offer(reading(step))
         self.clock.sleep_until(self.clock.now())
         self.clock.sleep_until(self.clock.now() + wait)
@@ -91,6 +106,33 @@ def test_a_frame_is_as_old_as_it_may_be():
     bench.say(0)
     assert bench.say(1, behind=0.3).steps[0] == 1
     assert bench.driver.age == pytest.approx(0.3 + 0.1)
+
+
+def test_in_virtual_time_nobody_is_late():
+    bench = Behind(VirtualClock)
+    bench.say(0)
+    assert bench.say(1, behind=30.0).steps[0] == 1 and bench.driver.age == pytest.approx(0.1)
+    server = TcpServer()
+    driver = Driver(Tcp(server.host, server.port), Wifi(), VirtualClock())
+    driver.watch(0.5)
+    driver.connect()
+    assert driver._deputy is None
+    driver.close()
+    server.close()
+
+
+def test_who_is_suspended_after_reading_knows_how_old_it_is():
+    bench = Behind()
+    bench.say(0)
+    feed = bench.driver.dialect.feed
+
+    def suspended(data, time):
+        bench.clock._now += 2.0 * bool(data)
+        return feed(data, time)
+
+    bench.driver.dialect.feed = suspended
+    bench.say(1)
+    assert bench.driver.age >= 2.0
 
 
 def test_after_a_gap_all_that_lay_there_is_passed_over_and_the_first_after_it():
@@ -267,6 +309,21 @@ def test_wheel_steps_begin_anew_with_the_link():
     assert frame.steps.tolist() == [0, 0] and frame.link == bench.driver.connections == 2
     assert bench.say(7).steps.tolist() == [7, 0]
     assert np.issubdtype(frame.steps.dtype, np.int64)
+
+
+def test_a_link_that_is_made_while_the_driver_closes_is_closed():
+    bench = Behind()
+    bench.driver.reconnect, bench.driver.retry = True, 0.0
+    bench.driver._lose(LinkLost("gone"))
+    open_ = bench.driver.transport.open
+
+    def slow():
+        open_()
+        bench.driver.close()
+
+    bench.driver.transport.open = slow
+    bench.driver.pump()
+    assert bench.driver.transport._link is None and bench.driver.connections == 1
 
 
 def test_what_cannot_be_opened_leaves_no_link_behind():

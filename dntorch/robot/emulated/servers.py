@@ -1,5 +1,6 @@
 """The robot's end of a link, for an emulator: nothing here ever waits."""
 
+import math
 import os
 import socket
 from typing import Protocol
@@ -180,7 +181,7 @@ class _MemoryLink:
 class Inside:
     """The host's end of a link inside one process; the other end is a `MemoryServer`."""
 
-    behind, descriptor = 0.0, None
+    arrived, descriptor = math.inf, None
 
     def __init__(self, server) -> None:
         self.server, self._link = server, None
