@@ -8,7 +8,7 @@ count counter-clockwise.
 import math
 from dataclasses import dataclass
 
-from dntorch.quantities import check_quantities
+from dntorch.quantities import Interval, check_quantities
 
 #: Motor steps in one turn of a wheel.
 STEPS_PER_TURN = 1000
@@ -18,6 +18,11 @@ EPUCK1_LIMIT, EPUCK2_LIMIT = 1000, 1100
 
 #: rad/s, fastest turning of a wheel: 1000 motor steps/s, rounded down.
 FASTEST = 6.28
+
+#: What a robot may be measured to be: field of view, axle, images that come, distance of what
+#: it sees from its middle.
+FOV, AXLE = Interval(0.05, 3, unit="rad"), Interval(0.01, 0.2, unit="m")
+RATE, DISTANCE = Interval(0.1, 1000, unit="images/s"), Interval(0.05, 10, unit="m")
 
 
 @dataclass(frozen=True)

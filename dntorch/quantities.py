@@ -1,6 +1,9 @@
 """Sentences about plain numbers with a unit; `dntorch.checks` has those about tensors."""
 
 import math
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any
 
 
 def check_quantities(**quantities: float) -> None:
@@ -11,3 +14,51 @@ def check_quantities(**quantities: float) -> None:
     for name, value in quantities.items():
         if not (value > 0 and math.isfinite(value)):
             raise ValueError(f"{name}={value!r} is not positive and finite: give a number above 0")
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Numbers that make sense: from ``least`` to ``most``, and finite.
+
+    >>> Interval(0, 10, above=True, unit="m").check("axle", 0.05)
+    >>> print(Interval(1, 20_000, whole=True))
+    a whole number from 1 to 20,000
+    """
+
+    least: float
+    most: float
+    whole: bool = False
+    above: bool = False
+    """``least`` itself is none of them"""
+    unit: str = ""
+
+    def __contains__(self, value: Any) -> bool:
+        kind = Integral if self.whole else Real
+        if isinstance(value, bool) or not isinstance(value, kind):
+            return False
+        return self.least <= value <= self.most and not (self.above and value == self.least)
+
+    def __str__(self) -> str:
+        kind = "a whole number" if self.whole else "a number"
+        low, high = f"{self.least:,}", f"{self.most:,}{self.unit and ' ' + self.unit}"
+        if self.above:
+            return f"{kind} above {low}, at most {high}"
+        return f"{kind} from {low} to {high}"
+
+    def check(self, name: str, value: Any) -> None:
+        """Raise a ``ValueError`` that names the argument unless ``value`` is one of them."""
+        if value not in self:
+            raise ValueError(f"{name}={shown(value)}: give {self}")
+
+
+def shown(value: Any, longest: int = 60) -> str:
+    """A value for a sentence, cut where it would fill the screen.
+
+    >>> print(shown(0.5), shown("a"), shown(10**100, longest=5))
+    0.5 'a' 10000...
+    """
+    try:
+        text = repr(value)
+    except ValueError:  # whole numbers of more than 4300 digits
+        return "a number too large to print"
+    return text if len(text) <= longest else text[:longest] + "..."

@@ -9,6 +9,7 @@ import dntorch as library
 from dntorch.commands.emulate import emulate
 from dntorch.commands.export import export, verify
 from dntorch.commands.learn import learn
+from dntorch.commands.program import Program
 from dntorch.commands.reproduce import reproduce
 from dntorch.commands.robot import robot
 from dntorch.commands.sweep import sweep
@@ -20,7 +21,10 @@ def _print_version(context: click.Context, _: click.Parameter, asked: bool) -> N
         context.exit()
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=Program,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.option(
     "--version",
     is_flag=True,

@@ -5,30 +5,36 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dntorch.colors import PAPER, check_colors
-from dntorch.commands.common import Computing
-from dntorch.commands.target import open_target, options_of_target
+from dntorch.body import AXLE, DISTANCE, FOV, RATE
+from dntorch.colors import PAPER
+from dntorch.commands.common import Computing, refuse_options
+from dntorch.commands.extras import require
+from dntorch.commands.kinds import NEW_FILE, OLD_FILE, Number
+from dntorch.commands.options import COLORS
+from dntorch.commands.target import OF_THE_EMULATOR, open_target, options_of_target
 from dntorch.runs.config import Config
 
 if TYPE_CHECKING:
     from dntorch.envs.hardware import HardwareEnv
     from dntorch.robot.calibration import Calibration
 
-FILE = click.Path(path_type=Path, dir_okay=False)
-
 
 @click.command(cls=Computing)
-@click.argument("images", nargs=-1, type=FILE)
-@click.option("--to", type=FILE, required=True, help="File to write; an old one is replaced.")
+@click.argument("images", nargs=-1, type=OLD_FILE)
+@click.option("--to", type=NEW_FILE, required=True, help="File to write; an old one is replaced.")
 @options_of_target
-@click.option("--colors", default=PAPER, show_default=True, help="Of all blocks around it.")
+@click.option(
+    "--colors", type=COLORS, default=PAPER, show_default=True, help="Of all blocks around it."
+)
 @click.option("--rotate", type=click.Choice(["0", "90", "180", "270"]), default="0",
               show_default=True, help="Degrees counter-clockwise.")  # fmt: skip
 @click.option("--mirror", is_flag=True, help="Exchange left and right, after the rotation.")
-@click.option("--fov", type=float, help="Horizontal field of view, rad.")
-@click.option("--axle", type=float, help="m, if it is not to be measured.")
-@click.option("--fps", type=float, help="Images/s, if they are not to be counted.")
-@click.option("--distance", type=float, help="m to the blocks: measures the field of view.")
+@click.option("--fov", type=Number(FOV), help="Horizontal field of view, rad.")
+@click.option("--axle", type=Number(AXLE), help="m, if it is not to be measured.")
+@click.option("--fps", type=Number(RATE), help="Images/s, if they are not to be counted.")
+@click.option(
+    "--distance", type=Number(DISTANCE), help="m to the blocks: measures the field of view."
+)
 @click.pass_context
 def calibrate(context, images, to, colors, distance, **options) -> None:
     """Measure a robot's camera and axle, for `robot run --calibration`.
@@ -36,12 +42,15 @@ def calibrate(context, images, to, colors, distance, **options) -> None:
     The robot turns a little more than once on the spot, amid blocks of all the colours. With
     IMAGES, files that show the blocks all around, colours alone are measured.
     """
-    check_colors(colors)
     given = {name: options.pop(name) for name in ("mirror", "fov", "axle", "fps")}
-    known = {name: value for name, value in given.items() if value}
+    known = {name: value for name, value in given.items() if value not in (None, False)}
     known["rotate"] = int(options.pop("rotate"))
     assumed = ""
     if images:
+        require("cv2", "numpy")
+        robots = {*OF_THE_EMULATOR, "connect", "distance"}
+        why = "is of a robot that turns, but IMAGES were given"
+        refuse_options(context, context.params.keys() - robots, why)
         from dntorch.robot.emulated.emulator import BODIES
 
         protocol = options["protocol"]
@@ -49,6 +58,7 @@ def calibrate(context, images, to, colors, distance, **options) -> None:
         made = _from_files(images, colors, usual | known)
         assumed = f" (what was not given is usual for {protocol}, not measured)"
     else:
+        require("tqdm", "numpy", "gymnasium")
         config = Config(colors=colors, sequence=colors)
         with open_target(context, config, **options) as robot:
             from dntorch.drive.fit import hardware

@@ -29,6 +29,8 @@ def refuse_options(context: click.Context, kept: Iterable[str], why: str) -> Non
             raise ValueError(f"{option} {why}: leave {option} out")
 
 
+MOST_RUNS, MOST_PROCESSES = 100_000, 1024
+
 RUNS = ("checkpoint.pt", "options.pt", "results.json")
 """Files by which a folder is known to hold runs."""
 

@@ -8,13 +8,24 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dntorch.colors import PAPER
-from dntorch.commands.common import Computing
+from dntorch.commands.common import Computing, refuse_options
+from dntorch.commands.extras import require
+from dntorch.commands.kinds import Parsed, whole
+from dntorch.commands.options import COLORS
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
 from dntorch.process import end_when_asked
 
 if TYPE_CHECKING:
     from dntorch.robot.emulated.emulator import Emulator
     from dntorch.robot.emulated.servers import Server
+
+
+def _host(name: str) -> str:
+    from dntorch.robot.transports import is_host
+
+    if not is_host(name):
+        raise ValueError("give a name or an address of this machine, such as 0.0.0.0 for all")
+    return name
 
 
 @click.command(cls=Computing)
@@ -24,18 +35,29 @@ if TYPE_CHECKING:
 @FAULT
 @LAYOUT
 @click.option(
-    "--colors", default=PAPER, show_default=True, help="Of the blocks around it, of ROYGCBVM."
+    "--colors",
+    type=COLORS,
+    default=PAPER,
+    show_default=True,
+    help="Of the blocks around it, of ROYGCBVM.",
 )
-@click.option("--host", default="127.0.0.1", show_default=True, help="Where to listen.")
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=0, help="TCP port.  [default: a free one]"
+    "--host", type=Parsed(_host), default="127.0.0.1", show_default=True, help="Where to listen."
 )
+@click.option("--port", type=whole(0, 65535), default=0, help="TCP port.  [default: a free one]")
 @click.option("--pty", is_flag=True, help="A pseudo-terminal instead of a TCP port.")
-def emulate(host: str, port: int, pty: bool, colors: str, **options: Any) -> None:
+@click.pass_context
+def emulate(
+    context: click.Context, host: str, port: int, pty: bool, colors: str, **options: Any
+) -> None:
     """Serve an emulated e-puck in its ring of blocks.
 
     As with the real one, nothing stops the motors but a command. Ctrl-C ends it.
     """
+    require("tqdm", "numpy", "gymnasium")
+    if pty:
+        others = context.params.keys() - {"host", "port"}
+        refuse_options(context, others, "is of TCP, but --pty serves a pseudo-terminal")
     end_when_asked()
     from dntorch.envs.task import SequenceTask
 

@@ -6,13 +6,14 @@ from pathlib import Path
 import click
 
 from dntorch.commands.common import Computing
-
-FOLDER = click.Path(path_type=Path, file_okay=False)
+from dntorch.commands.extras import require
+from dntorch.commands.kinds import NEW_FOLDER, OLD_FILE, OLD_FOLDER
+from dntorch.process import can_compile
 
 
 @click.command(cls=Computing)
-@click.argument("run", type=FOLDER)
-@click.option("--to", "folder", type=FOLDER, required=True, help="Folder for the artefacts.")
+@click.argument("run", type=OLD_FOLDER)
+@click.option("--to", "folder", type=NEW_FOLDER, required=True, help="Folder for the artefacts.")
 @click.option(
     "--also",
     multiple=True,
@@ -21,7 +22,7 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 )
 @click.option(
     "--calibration",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=OLD_FILE,
     help="Of `dntorch robot calibrate`: for that robot.  [default: for the simulated one]",
 )
 def export(run: Path, folder: Path, also: tuple[str, ...], calibration: Path | None) -> None:
@@ -30,6 +31,9 @@ def export(run: Path, folder: Path, also: tuple[str, ...], calibration: Path | N
     The folder gets agent.ts, agent.pt2, agent.onnx, manifest.json, a golden record of the
     agent at work and verify.py, which compares them where there is no dntorch.
     """
+    require("numpy", "onnx", "onnxscript", *(["executorch"] if "executorch" in also else []))
+    if "aotinductor" in also and not can_compile():
+        raise ValueError("--also=aotinductor needs a C++ compiler: install one or leave it out")
     from dntorch.export.artefacts import DEFAULT
     from dntorch.runs.export import export_run
 
@@ -45,7 +49,7 @@ def export(run: Path, folder: Path, also: tuple[str, ...], calibration: Path | N
 
 
 @click.command(cls=Computing)
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False, exists=True))
+@click.argument("folder", type=OLD_FOLDER)
 def verify(folder: Path) -> int:
     """Replay the golden record of an export through each artefact.
 

@@ -2,14 +2,15 @@
 
 import sys
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from dntorch.commands.common import OF_A_RUN, RUNS, Computing, new_folder, refuse_options
-from dntorch.commands.options import COMPILE, build_config, options_of_a_run
+from dntorch.commands.extras import has, require
+from dntorch.commands.kinds import NEW_FOLDER, OLD_FOLDER
+from dntorch.commands.options import CHECKPOINT_EVERY, COMPILE, build_config, options_of_a_run
 from dntorch.process import end_when_asked, pays
 from dntorch.runs.config import Config
 from dntorch.runs.logs import LOGGERS, open_log
@@ -17,6 +18,11 @@ from dntorch.runs.worlds import WORLDS
 
 if TYPE_CHECKING:
     from dntorch.runs.run import Trial
+
+ELSEWHERE = (
+    "PyBullet is not installed (it has wheels for Linux and Python 3.10 and 3.11): the run "
+    "goes to --world ring, the same ring of blocks seen in torch"
+)
 
 #: A seed with which the default run finds the sequence while it explores.
 DEFAULT_SEED = 1
@@ -26,21 +32,15 @@ DEFAULT_SEED = 1
 @options_of_a_run(seed=DEFAULT_SEED)
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=NEW_FOLDER,
     help="New folder for the run.  [default: runs/WORLD-seedSEED]",
 )
 @click.option(
     "--resume",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=OLD_FOLDER,
     help="Folder of a run to go on with; it keeps the options it began with.",
 )
-@click.option(
-    "--checkpoint-every",
-    type=click.IntRange(1),
-    default=5_000,
-    show_default=True,
-    help="Control steps between two checkpoints.",
-)
+@CHECKPOINT_EVERY
 @click.option("--video/--no-video", default=True, show_default=True, help="Film the trained agent.")
 @click.option(
     "--log", type=click.Choice(LOGGERS), help="Log progress, with TorchRL's loggers, in OUT/log."
@@ -53,32 +53,40 @@ def learn(context, file, out, resume, checkpoint_every, video, log, compiled, **
     It explores at random, then exploits what it learned, and learns all along. The folder
     gets results.json, checkpoint.pt, record.npz, figures, a video and report.html.
     """
+    require("numpy", "tqdm", "matplotlib", "jinja2")
+    if log:
+        require("torchrl", *(("tensorboard",) if log == "tensorboard" else ()))
     from dntorch.runs.run import Trial
     from dntorch.runs.train import CHECKPOINT
 
     if resume:
         refuse_options(context, {"resume", "checkpoint_every", "video", "log"}, OF_A_RUN)
         trial, folder = Trial.load(resume / CHECKPOINT), resume
+        _require_film(trial.config, video)
     else:
-        config = within_reach(build_config(file, options))
+        asked = build_config(file, options)
+        config = within_reach(asked)
+        _require_film(config, video)
         # Raises for a value that makes none, before there is a folder.
         trial = Trial(config, compiled and pays(config.steps))
         folder = out or Path("runs") / f"{config.world}-seed{config.seed}"
         new_folder(folder, RUNS, f"go on with --resume {folder} or name another")
         trial.save(folder / CHECKPOINT)
+        if config != asked:
+            click.echo(ELSEWHERE, err=True)
     _train(trial, folder, checkpoint_every, video, open_log(log, folder) if log else None)
 
 
 def within_reach(config: Config) -> Config:
     """The same run in a world that can be had here."""
-    if config.world != "epuck" or find_spec("pybullet"):
+    if config.world != "epuck" or all(map(has, WORLDS["epuck"].packages)):
         return config
-    click.echo(
-        "PyBullet is not installed (it has wheels for Linux and Python 3.10 and 3.11): the run "
-        "goes to --world ring, the same ring of blocks seen in torch",
-        err=True,
-    )
     return replace(config, world="ring")
+
+
+def _require_film(config: Config, video: bool) -> None:
+    if video and WORLDS[config.world].env is not None:
+        require("cv2", "gymnasium", instead="give --no-video")
 
 
 def _train(trial: "Trial", folder: Path, checkpoint_every: int, video: bool, log=None) -> None:
@@ -122,12 +130,13 @@ def _train(trial: "Trial", folder: Path, checkpoint_every: int, video: bool, log
 
 def _report(trial: "Trial", folder: Path, results: dict, video: bool) -> Path:
     from dntorch.show.figures import write_figures
-    from dntorch.show.film import write_video
     from dntorch.show.report import write_report
 
     video = video and WORLDS[trial.config.world].env is not None
     click.echo(f"drawing figures{' and film' if video else ''} ...", err=True)
     write_figures(trial.record, trial.config, folder)
     if video:
+        from dntorch.show.film import write_video  # OpenCV is an extra
+
         write_video(trial.agent, trial.config, folder / "video.webm")
     return write_report(folder, results, trial.config)

@@ -7,8 +7,10 @@ from typing import Any
 
 import click
 
-from dntorch.runs.config import Config
-from dntorch.runs.settings import FIELDS, read_settings
+from dntorch.colors import HUES, check_colors, check_sequence
+from dntorch.commands.kinds import OLD_FILE, Number, Parsed, whole
+from dntorch.runs.config import FIELDS, LONGEST, Config, check_setting
+from dntorch.runs.settings import read_settings
 
 
 def options_of_a_run(without: tuple[str, ...] = (), **defaults: Any) -> Callable:
@@ -50,14 +52,35 @@ def spelled(config: Config, **defaults: Any) -> str:
 
 
 def _option(field: Field, default: Any) -> Callable:
-    choices = field.metadata["choices"]
     return click.option(
         "--" + field.name.replace("_", "-"),
-        type=click.Choice(choices) if choices else field.type,
+        type=kind_of(field),
         default=default,
         show_default=True,
         help=field.metadata["help"],
     )
+
+
+def kind_of(field: Field) -> click.ParamType:
+    """What an option for a field takes."""
+    choices, within = field.metadata["choices"], field.metadata["within"]
+    if choices:
+        return click.Choice(choices)
+    return Number(within) if within else LETTERS[field.name]
+
+
+def _colors(text: str) -> str:
+    check_setting("colors", text)
+    return check_colors(text)
+
+
+def _sequence(text: str) -> str:
+    check_setting("sequence", text)
+    return check_sequence(text, "".join(HUES))  # of these colours: once they are known
+
+
+COLORS = Parsed(_colors)
+LETTERS = {"colors": COLORS, "sequence": Parsed(_sequence)}
 
 
 def _take_defaults(context: click.Context, _: click.Parameter, file: Path | None) -> Path | None:
@@ -74,10 +97,18 @@ COMPILE = click.option(
     help="Compile the step where a run is long and a C++ compiler is there.",
 )
 
+CHECKPOINT_EVERY = click.option(
+    "--checkpoint-every",
+    type=whole(1, LONGEST),
+    default=5_000,
+    show_default=True,
+    help="Control steps between two checkpoints.",
+)
+
 _FILE = click.option(
     "--config",
     "file",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=OLD_FILE,
     is_eager=True,  # before those whose defaults it holds
     callback=_take_defaults,
     help="results.json of a run, or a TOML file (noise = 5.0): values of the options below.",

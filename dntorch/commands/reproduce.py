@@ -5,10 +5,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dntorch.commands.common import OF_A_RUN, RUNS, Computing, new_folder, refuse_options
+from dntorch.commands.common import (
+    MOST_PROCESSES,
+    MOST_RUNS,
+    OF_A_RUN,
+    RUNS,
+    Computing,
+    new_folder,
+    refuse_options,
+)
+from dntorch.commands.extras import require
+from dntorch.commands.kinds import NEW_FOLDER, OLD_FOLDER, whole
 from dntorch.commands.options import build_config, options_of_a_run, spelled
 from dntorch.process import end_when_asked
-from dntorch.runs.config import Config
+from dntorch.runs.config import FIELDS, Config, kept_config
+from dntorch.runs.worlds import WORLDS
 
 if TYPE_CHECKING:
     from dntorch.paper.study import Study
@@ -19,16 +30,16 @@ OPTIONS = "options.pt"
 
 @click.command(cls=Computing)
 @options_of_a_run(world="nodes")
-@click.option("--runs", type=click.IntRange(1), default=1000, show_default=True)
-@click.option("--processes", type=click.IntRange(1), default=2, show_default=True)
+@click.option("--runs", type=whole(1, MOST_RUNS), default=1000, show_default=True)
+@click.option("--processes", type=whole(1, MOST_PROCESSES), default=2, show_default=True)
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=NEW_FOLDER,
     help="New folder for the runs.  [default: runs/reproduce-WORLD-seedSEED]",
 )
 @click.option(
     "--resume",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=OLD_FOLDER,
     help="Folder to go on with; it keeps the options it began with.",
 )
 @click.pass_context
@@ -41,16 +52,19 @@ def reproduce(context, file, runs, processes, out, resume, **options) -> None:
     In the world nodes, --seed is that of all runs; in epuck it is that of the first, and the
     next take the next numbers.
     """
+    require("numpy", "tqdm", "matplotlib", "jinja2", "scipy", "statsmodels")
     from dntorch import files
     from dntorch.runs.build import build_agent
 
     if resume:
         refuse_options(context, {"resume"}, OF_A_RUN)
         folder, saved = resume, files.load(resume / OPTIONS)
-        runs, processes = saved.pop("runs"), saved.pop("processes")
-        config = Config(**saved)
+        runs, processes = saved.pop("runs", None), saved.pop("processes", None)
+        config = kept_config(saved, resume / OPTIONS)
+        _check(config, runs)
     else:
         config = build_config(file, options)
+        _check(config, runs)
         build_agent(config)  # raises for a value that makes none, before there is a folder
         folder = out or Path("runs") / f"reproduce-{config.world}-seed{config.seed}"
         new_folder(folder, RUNS, f"go on with --resume {folder} or name another")
@@ -59,6 +73,16 @@ def reproduce(context, file, runs, processes, out, resume, **options) -> None:
     study = _run(config, runs, folder, processes)
     command = f"dntorch reproduce --world {config.world} --runs {runs}"
     _report(study, folder, f"{command} {spelled(config, world=config.world)}".rstrip())
+
+
+def _check(config: Config, runs: int) -> None:
+    """Raise for runs that cannot be made, before there is a folder."""
+    row = WORLDS[config.world]
+    require(*row.packages, instead="give --world ring")
+    if not row.numbered and config.seed + runs - 1 not in FIELDS["seed"].metadata["within"]:
+        raise ValueError(
+            f"--seed={config.seed} leaves no seeds for --runs={runs}: give a smaller one"
+        )
 
 
 def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":

@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING
 import click
 
 from dntorch.body import EPUCK, FASTEST
-from dntorch.commands.calibrate import FILE, calibrate, measure
+from dntorch.commands.calibrate import calibrate, measure
 from dntorch.commands.common import Computing, new_folder
+from dntorch.commands.extras import require
+from dntorch.commands.kinds import NEW_FOLDER, OLD_FILE, OLD_FOLDER, Number, whole
 from dntorch.commands.target import Target, open_target, options_of_target
 from dntorch.process import end_when_asked, postponed
-from dntorch.runs.config import Config
+from dntorch.quantities import Interval
+from dntorch.runs.config import LONGEST, Config
 
 if TYPE_CHECKING:
     from dntorch.drive.driving import Trip
     from dntorch.envs.hardware import HardwareEnv
     from dntorch.robot.calibration import Calibration
     from dntorch.show.reel import Reel
-
-FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
 @click.group()
@@ -32,26 +33,26 @@ def robot() -> None:
 
 
 @robot.command(cls=Computing)
-@click.argument("run", type=FOLDER)
+@click.argument("run", type=OLD_FOLDER)
 @options_of_target
 @click.option(
     "--learn/--no-learn", default=False, show_default=True, help="Go on learning from rewards."
 )
 @click.option(
-    "--iterations", type=click.IntRange(1), default=2, show_default=True,
+    "--iterations", type=whole(1, LONGEST), default=2, show_default=True,
     help="Of the rewarded sequence; then it ends.",
 )  # fmt: skip
 @click.option(
-    "--steps", type=click.IntRange(1), default=20_000, show_default=True,
+    "--steps", type=whole(1, LONGEST), default=20_000, show_default=True,
     help="Control steps after which it ends at the latest (32 a second).",
 )  # fmt: skip
 @click.option(
-    "--calibration", "file", type=FILE,
+    "--calibration", "file", type=OLD_FILE,
     help="Of `dntorch robot calibrate`.  [default: it turns once around first to make one]",
 )  # fmt: skip
 @click.option(
     "--speed-cap",
-    type=float,
+    type=Number(Interval(0, FASTEST, above=True, unit="rad/s")),
     default=EPUCK.speed_cap,
     show_default=True,
     help="Of a wheel, rad/s.",
@@ -63,7 +64,7 @@ def robot() -> None:
 @click.option("--reconnect", is_flag=True, help="Make a lost link anew and go on.")
 @click.option("--film/--no-film", default=False, show_default=True, help="Film it, for OUT.")
 @click.option(
-    "--out", type=FOLDER,
+    "--out", type=NEW_FOLDER,
     help="New folder for the report, the film and what is learned.  [default: RUN/robot-N]",
 )  # fmt: skip
 @click.pass_context
@@ -75,6 +76,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
     is learned goes to OUT/checkpoint.pt, which is a run of its own, after each completed
     sequence and at the end. Exit code 1 when it ended before all iterations were done.
     """
+    require("tqdm", "numpy", "gymnasium", *(("cv2", "matplotlib") if film else ()))
     from tqdm import tqdm
 
     from dntorch.drive import driving
@@ -84,8 +86,6 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
 
     trained, config = load_agent(run)
     known = Calibration.load(file) if file else None
-    if not 0 < speed_cap <= FASTEST:
-        raise ValueError(f"--speed-cap={speed_cap}: give rad/s above 0, at most {FASTEST}")
     pressed = _enter if reward == "key" else lambda: False
 
     def save() -> None:

@@ -1,19 +1,35 @@
 """The command that runs seeds and configurations side by side."""
 
+import math
 import os
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from dntorch.commands.common import Computing, refuse_options
-from dntorch.commands.options import COMPILE, build_config, options_of_a_run
+from dntorch.commands.cluster import RAY, SLURM
+from dntorch.commands.common import (
+    MOST_PROCESSES,
+    MOST_RUNS,
+    Computing,
+    new_folder,
+    refuse_options,
+)
+from dntorch.commands.extras import require
+from dntorch.commands.grid import SEEDS, SET
+from dntorch.commands.kinds import NEW_FOLDER, whole
+from dntorch.commands.options import (
+    CHECKPOINT_EVERY,
+    COMPILE,
+    build_config,
+    options_of_a_run,
+)
 from dntorch.process import end_when_asked
 from dntorch.runs.config import Config
-from dntorch.runs.settings import FIELDS, WORDS
+from dntorch.runs.worlds import WORLDS
 
 if TYPE_CHECKING:
     from dntorch.runs.pool import Finished
@@ -22,47 +38,33 @@ if TYPE_CHECKING:
 
 @click.command(cls=Computing)
 @options_of_a_run(without=("seed",))
-@click.option("--seeds", default="0-9", show_default=True, help="Such as 0-99 or 1,5,7.")
-@click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="NAME=VALUE[,VALUE...]",
-    help="A value of the run, or several to combine: learning_rate=0.03,0.06.",
-)
+@SEEDS
+@SET
 @click.option(
     "--processes",
-    type=click.IntRange(1),
+    type=whole(1, MOST_PROCESSES),
     help="Side by side.  [default: one a core]",
 )
 @click.option(
     "--batch",
-    type=click.IntRange(1),
+    type=whole(1, MOST_RUNS),
     default=1,
     show_default=True,
     help="Runs of the world nodes that one process computes as a batch.",
 )
-@click.option(
-    "--ray", metavar="ADDRESS", help="On a Ray cluster: its address, or local to start one here."
-)
-@click.option("--slurm", is_flag=True, help="As an array of Slurm jobs (submitit).")
+@RAY
+@SLURM
 @click.option(
     "--retries",
-    type=click.IntRange(0),
+    type=whole(0, 1000),
     default=3,
     show_default=True,
     help="How often a run may be killed and go on.",
 )
-@click.option(
-    "--checkpoint-every",
-    type=click.IntRange(1),
-    default=5_000,
-    show_default=True,
-    help="Control steps between two checkpoints.",
-)
+@CHECKPOINT_EVERY
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=NEW_FOLDER,
     default=Path("runs/sweep"),
     show_default=True,
     help="Folder of the sweep; called again, it goes on with what is not finished.",
@@ -77,14 +79,19 @@ def sweep(
     Each run has a folder of its own with results.json, checkpoint.pt and record.npz; table.csv,
     table.jsonl and, where pyarrow is, table.parquet hold a row per run.
     """
+    refuse_options(context, context.params.keys() - settings, "is varied by --set as well")
+    where = {name: options.pop(name) for name in ("processes", "ray", "slurm", "retries")}
+    require("numpy", "tqdm")
+    if where["slurm"] and where["ray"]:
+        raise ValueError("--slurm and --ray: choose one")
+    count = len(seeds) * math.prod(map(len, settings.values()))
+    if count > MOST_RUNS:
+        raise ValueError(f"--seeds and --set make {count:,} runs: give at most {MOST_RUNS:,}")
     from dntorch.runs import sweep as sweeps
     from dntorch.runs import table
 
-    varied = dict(map(_setting, settings))
-    refuse_options(context, context.params.keys() - varied, "is varied by --set as well")
-    where = {name: options.pop(name) for name in ("processes", "ray", "slurm", "retries")}
-    first = {name: values[0] for name, values in varied.items() if name in options}
-    configs = sweeps.grid(build_config(file, options | first), _seeds(seeds), varied)
+    first = {name: values[0] for name, values in settings.items()}
+    configs = sweeps.grid(build_config(file, options | first), seeds, settings)
     _check(configs)
     tasks = sweeps.plan(configs, out.absolute(), batch, checkpoint_every, compiled)
     running = _start(tasks, out, **where)
@@ -99,9 +106,11 @@ def sweep(
 
 
 def _check(configs: list[Config]) -> None:
-    """Raise for values that make no agent, before there is a folder."""
+    """Raise for values that make no agent or no world, before there is a folder."""
     from dntorch.runs.build import build_agent
 
+    for world in dict.fromkeys(config.world for config in configs):
+        require(*WORLDS[world].packages, instead="give --world ring")
     for config in dict.fromkeys(replace(config, seed=0) for config in configs):
         build_agent(config)
 
@@ -111,9 +120,7 @@ def _start(tasks, out: Path, processes, ray, slurm, retries) -> "Iterator[Finish
 
     from dntorch.runs import pool, sweep
 
-    if slurm and ray:
-        raise ValueError("--slurm and --ray: choose one")
-    out.mkdir(parents=True, exist_ok=True)
+    new_folder(out, ())
     processes = processes or len(os.sched_getaffinity(0))
     if slurm:
         return pool.on_slurm(sweep.run, tasks, out)
@@ -144,25 +151,3 @@ def _follow(running: "Iterator[Finished]", total: int) -> "tuple[Table, list[str
         click.echo(f"{finished}; the same command goes on with the others", err=True)
         raise
     return rows, failed
-
-
-def _seeds(text: str) -> list[int]:
-    try:
-        parts = [part.partition("-") for part in text.split(",")]
-        ranges = [range(int(a), int(b or a) + 1) for a, _, b in parts]
-    except ValueError:
-        raise ValueError(f"--seeds={text!r}: give numbers such as 0-9 or 1,5,7") from None
-    seeds = [seed for numbers in ranges for seed in numbers]
-    if not seeds:
-        raise ValueError(f"--seeds={text!r} names none: give the smaller number first")
-    return seeds
-
-
-def _setting(text: str) -> tuple[str, list[Any]]:
-    name, _, values = text.partition("=")
-    kind = FIELDS[name].type if name in FIELDS else str
-    try:
-        return name, [kind(value) for value in values.split(",")]
-    except ValueError:
-        example = f"give {WORDS[kind]}, such as {FIELDS[name].default}"
-        raise ValueError(f"--set {text}: {example}") from None

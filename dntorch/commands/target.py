@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from dntorch.commands.common import refuse_options
+from dntorch.commands.extras import require
+from dntorch.commands.kinds import Parsed, once, whole
 
 if TYPE_CHECKING:
     from dntorch.robot.clock import Clock
@@ -21,22 +23,52 @@ PROTOCOL = click.option(
     show_default=True, help="e-puck2 over Wi-Fi, e-puck1, e-puck2 over Bluetooth or USB.",
 )  # fmt: skip
 LAYOUT = click.option(
-    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
+    "--seed", type=whole(0, 2**32 - 1), default=0, show_default=True,
     help="Of the emulator's layout, camera noise and faults.",
 )  # fmt: skip
 CAMERA = click.option(
     "--camera", type=click.Choice(("ideal", "mild", "hard")), default="mild", show_default=True,
     help="Of the emulator: as simulated; a fair one; dark, blurred, narrow, slow and late.",
 )  # fmt: skip
+
+
+def _fault(text: str) -> tuple[str, float]:
+    from dntorch.robot.emulated.faults import Faults
+
+    name, _, chance = text.partition("=")
+    if name not in Faults().chances:
+        raise ValueError(f"give NAME=CHANCE, NAME of {', '.join(Faults().chances)}")
+    try:
+        Faults(**{name: float(chance)})
+    except ValueError:
+        raise ValueError(f"give {name}=CHANCE, a number from 0 to 1") from None
+    return name, float(chance)
+
+
+def _together(_: click.Context, __: click.Parameter, given: tuple[tuple[str, float], ...]) -> Any:
+    """Faults by name, each named once and all of them possible together."""
+    if given:
+        from dntorch.robot.emulated.faults import Faults
+
+        once(given, "--fault", "give one chance")
+        Faults(**dict(given))
+    return dict(given)
+
+
 FAULT = click.option(
-    "--fault", "faults", multiple=True, metavar="NAME=CHANCE",
+    "--fault", "faults", multiple=True, metavar="NAME=CHANCE", type=Parsed(_fault),
+    callback=_together,
     help="Of the emulator, for each set of packets: stall, delay, drop, truncate, split, "
-    "duplicate, garbage or reset; may be given several times.",
+    "duplicate, garbage or reset; may be given several times, each once.",
 )  # fmt: skip
 PACING = click.option(
     "--pacing", type=click.Choice(("firmware", "webots", "request")), default="firmware",
     show_default=True, help="Of the emulator: how it streams over Wi-Fi.",
 )  # fmt: skip
+
+
+OF_THE_EMULATOR = ("pacing", "camera", "faults", "seed", "virtual")
+"""Parameters that a robot with an address has not."""
 
 
 class Target(NamedTuple):
@@ -51,13 +83,22 @@ class Target(NamedTuple):
     """colours that the world of an emulated one judged as found"""
 
 
+def _address(text: str) -> str:
+    """An address at which a robot may be, as it was given."""
+    from dntorch.robot.transports import Serial, transport_for
+
+    if isinstance(transport_for(text), Serial):
+        require("serial")
+    return text
+
+
 def options_of_target(command):
     """Options that say what is driven."""
     for option in (
         click.option("--virtual", is_flag=True, help="Its own emulator, in simulated time."),
         LAYOUT, FAULT, CAMERA, PACING, PROTOCOL,
         click.option(
-            "--connect", metavar="ADDRESS",
+            "--connect", metavar="ADDRESS", type=Parsed(_address),
             help="tcp://HOST[:PORT] or serial://DEVICE.  [default: an emulator of its own]",
         ),
     ):  # fmt: skip
@@ -87,14 +128,10 @@ def open_target(
         return Driver(transport, DIALECTS[protocol](), clock, reconnect=reconnect)
 
     if connect:
-        known = context.params.keys() - {"pacing", "camera", "faults", "seed", "virtual"}
+        known = context.params.keys() - set(OF_THE_EMULATOR)
         refuse_options(context, known, "is of the emulator, but --connect names a robot")
         try:
-            transport = transport_for(connect)
-        except ValueError as error:
-            raise ValueError(f"--connect={error}") from error
-        try:
-            yield Target(driver(transport), clock, fov, None, [])
+            yield Target(driver(transport_for(connect)), clock, fov, None, [])
         except OSError as error:
             if error.filename:  # a file of ours, not the link
                 raise
@@ -120,31 +157,21 @@ def open_target(
 
 def build_emulator(
     server: "Server", clock: "Clock | None" = None, *, protocol: str, pacing: str, camera: str,
-    faults: tuple[str, ...], seed: int, world: dict[str, Any], **others: Any,
+    faults: dict[str, float], seed: int, world: dict[str, Any], **others: Any,
 ) -> "Emulator":  # fmt: skip
     """The emulator that the options describe; ``world`` and ``others`` as in `emulate`.
 
     Raises:
-        ValueError: a fault that there is not, a pacing that the protocol does not have.
+        ValueError: a pacing that the protocol does not have.
     """
     from dntorch.envs.emulated import emulate  # PyBullet is an extra
     from dntorch.robot.emulated.camera import CAMERAS
     from dntorch.robot.emulated.faults import Faults
 
+    if CAMERAS[camera].blur > 0:
+        require("cv2", instead="give --camera ideal")
     return emulate(
         server, clock, protocol=protocol, pacing=pacing, layout=seed, world=world,
         camera=replace(CAMERAS[camera], seed=seed),
-        faults=Faults(**dict(map(_chance, faults)), seed=seed), **others,
+        faults=Faults(**faults, seed=seed), **others,
     )  # fmt: skip
-
-
-def _chance(text: str) -> tuple[str, float]:
-    from dntorch.robot.emulated.faults import Faults
-
-    name, _, chance = text.partition("=")
-    try:
-        if name in Faults().chances:
-            return name, float(chance)
-    except ValueError:
-        pass
-    raise ValueError(f"--fault {text}: give NAME=CHANCE, NAME of {', '.join(Faults().chances)}")

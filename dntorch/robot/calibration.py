@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dntorch.body import EPUCK
+from dntorch.body import AXLE, DISTANCE, EPUCK, FOV, RATE
 from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE
-from dntorch.quantities import check_quantities
+from dntorch.quantities import Interval
+
+GAIN, HUE = Interval(0, 100, above=True), Interval(0, 360, unit="degrees")
 
 
 @dataclass(frozen=True)
@@ -40,11 +42,19 @@ class Calibration:
     """images/s that come"""
 
     def __post_init__(self) -> None:
-        check_quantities(fov=self.fov, axle=self.axle, fps=self.fps)
-        if self.rotate not in (0, 90, 180, 270):
+        FOV.check("fov", self.fov)
+        AXLE.check("axle", self.axle)
+        RATE.check("fps", self.fps)
+        if isinstance(self.rotate, bool) or self.rotate not in (0, 90, 180, 270):
             raise ValueError(f"rotate={self.rotate!r}: choose 0, 90, 180 or 270")
-        if len(self.gains) != 3 or not all(0 < gain < math.inf for gain in self.gains):
-            raise ValueError(f"gains={self.gains!r}: give three numbers above 0")
+        if not isinstance(self.mirror, bool):
+            raise ValueError(f"mirror={self.mirror!r}: choose true or false")
+        if len(self.gains) != 3 or not all(gain in GAIN for gain in self.gains):
+            raise ValueError(f"gains={self.gains!r}: give {GAIN}, three times")
+        for letter, hue in self.hues.items():
+            if letter not in HUES:
+                raise ValueError(f"hues={self.hues!r}: name colours by {', '.join(HUES)}")
+            HUE.check(f"hue of {letter}", hue)
 
     def correct(self, image: np.ndarray) -> np.ndarray:
         """An image as the camera should have seen it, uint8 RGB."""
@@ -69,7 +79,9 @@ class Calibration:
         return [self.hues[letter] for letter in colors]
 
     def save(self, path: str | Path) -> None:
-        Path(path).write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
+        from dntorch.files import write_json  # imports PyTorch
+
+        write_json(Path(path), asdict(self))
 
     @classmethod
     def load(cls, path: str | Path) -> "Calibration":
@@ -78,7 +90,7 @@ class Calibration:
         try:
             values = json.loads(Path(path).read_text(encoding="utf-8"))
             return cls(**{**values, "gains": tuple(values.get("gains", (1.0, 1.0, 1.0)))})
-        except (TypeError, AttributeError, UnicodeError, json.JSONDecodeError) as error:
+        except (TypeError, AttributeError, ValueError, RecursionError) as error:
             raise ValueError(f"{path} is no calibration: {error}") from error
 
 
@@ -146,6 +158,8 @@ def measure_view(
         distance: m, from the middle of the robot to what is seen. The camera stands before
             the axle, so near things seem to move faster.
     """
+    if not math.isinf(distance):
+        DISTANCE.check("distance", distance)
     shifts = np.array([_shift(a, b) for a, b in zip(images, images[1:])])
     ratio = 1.0 if math.isinf(distance) else distance / (distance - EPUCK.camera[0])
     turned = np.diff(yaws) * ratio

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import select
 import socket
 import time
@@ -48,6 +49,12 @@ class Transport(Protocol):
         """
 
 
+def check_port(port: int, least: int = 1) -> None:
+    """Raise for a number that is no port; the system would take its last 16 bits in silence."""
+    if not least <= port <= 65535:
+        raise ValueError(f"port={port}: give a whole number from {least} to 65535")
+
+
 class Tcp:
     """A robot on the network.
 
@@ -55,11 +62,15 @@ class Tcp:
         host, port: where it listens.
         patience: s, to wait for a connection or for room to send.
         wait: s, how long ``receive`` waits.
+
+    Raises:
+        ValueError: no such port.
     """
 
     def __init__(
         self, host: str, port: int = PORT, patience: float = 5.0, wait: float = 0.05
     ) -> None:
+        check_port(port)
         self.host, self.port, self.patience, self.wait = host, port, patience, wait
         self._socket: socket.socket | None = None
         self._arrivals = Arrivals(wait)
@@ -202,9 +213,50 @@ def transport_for(address: str) -> Transport:
     '/dev/rfcomm0'
     """
     kind, _, place = address.partition("://")
-    if kind == "serial" and place:
+    if kind == "serial" and place.isprintable() and place:
         return Serial(place)
-    host, _, port = place.partition(":")
-    if kind != "tcp" or not host or not (port or "1").isdigit():
+    parts = re.fullmatch(r"([^:/\s]+)(?::([0-9]{1,5}))?", place)
+    if kind != "tcp" or parts is None or not is_host(parts[1]):
         raise ValueError(f"{address!r} is no robot: give tcp://HOST[:PORT] or serial://DEVICE")
     return Tcp(host, int(port or PORT))
+    try:
+        return Tcp(parts[1], int(parts[2] or PORT))
+    except ValueError as error:
+        raise ValueError(f"{address!r} is no robot, {error}") from error
+
+
+def is_host(name: str) -> bool:
+    """Whether a name server could be asked for it: ``a..b`` is none."""
+    try:
+        return bool(name.encode("idna"))
+    except UnicodeError:
+        return False
+
+
+class Inside:
+    """The host's end of a link inside one process; the other end is a `MemoryServer`."""
+
+    def __init__(self, server) -> None:
+        self.server, self._link = server, None
+
+    def open(self) -> None:
+        self._link = self.server.connect()
+
+    def send(self, data: bytes) -> None:
+        if self._link is None or self._link.broken:
+            raise LinkLost("the link in memory is broken")
+        self._link.to_robot += data
+
+    def receive(self) -> bytes:
+        if self._link is None:
+            raise LinkLost("no link in memory")
+        data = bytes(self._link.to_host)
+        self._link.to_host.clear()
+        if not data and self._link.broken:
+            raise LinkLost("the robot closed the link in memory")
+        return data
+
+    def close(self) -> None:
+        if self._link is not None:
+            self._link.ended = True
+        self._link = None

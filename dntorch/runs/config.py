@@ -3,8 +3,8 @@
 Imports no PyTorch: the command line makes its options of these fields.
 """
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 from dntorch.body import EPUCK
@@ -18,13 +18,31 @@ from dntorch.colors import (
     check_colors,
     check_sequence,
 )
+from dntorch.quantities import Interval, shown
 from dntorch.runs.worlds import WORLDS
 
 
-def _setting(default: Any, text: str, choices: tuple[str, ...] = ()) -> Any:
+def _setting(
+    default: Any, text: str, choices: tuple[str, ...] = (), within: Interval | None = None
+) -> Any:
     """A field: its default, what it is in the words of ``--help``, and what it may be."""
-    return field(default=default, metadata={"help": text, "choices": choices})
+    metadata = {"help": text, "choices": choices, "within": within}
+    return field(default=default, metadata=metadata)
 
+
+def _whole(least: int, most: int) -> Interval:
+    return Interval(least, most, whole=True)
+
+
+def _above_zero(most: float) -> Interval:
+    return Interval(0, most, above=True)
+
+
+LONGEST = 10_000_000
+"""Control steps of a run at most: three and a half days at 32 a second, of which everything is
+remembered."""
+LETTERS = 64
+"""Of a sequence, at most."""
 
 TEXT = "; ".join(f"{name}: {row.text}" for name, row in WORLDS.items()) + "."
 
@@ -33,55 +51,52 @@ TEXT = "; ".join(f"{name}: {row.text}" for name, row in WORLDS.items()) + "."
 class Config:
     """What a run depends on; the same config gives the same numbers.
 
+    Numbers are finite and lie within the limits that ``within`` states for each, here and in
+    ``FIELDS[name].metadata``: wherever they come from, the command line, a file, a checkpoint.
+
     Raises:
         ValueError: a value that makes no run; the sentence says what to give.
     """
 
     world: str = _setting("epuck", TEXT, tuple(WORLDS))
-    seed: int = _setting(0, "Of layout, exploration and durations.")
-    explore: int = _setting(50_000, "Control steps of exploration.")
-    steps: int = _setting(100_000, "Control steps in all; the rest is exploitation.")
+    seed: int = _setting(0, "Of layout, exploration and durations.", within=_whole(0, 2**32 - 1))
+    explore: int = _setting(50_000, "Control steps of exploration.", within=_whole(0, LONGEST))
+    steps: int = _setting(
+        100_000, "Control steps in all; the rest is exploitation.", within=_whole(1, LONGEST)
+    )
     sequence: str = _setting(SEQUENCE, "Colours that are rewarded in this order.")
     colors: str = _setting(PAPER, f"Colours to look for, of {''.join(HUES)}.")
-    dt: float = _setting(1 / 32, "Duration of a control step, s.")
-    substeps: int = _setting(1, "Integrator steps per control step.")
+    dt: float = _setting(1 / 32, "Duration of a control step, s.", within=Interval(0.001, 1))
+    substeps: int = _setting(1, "Integrator steps per control step.", within=_whole(1, 100))
     integrator: str = _setting("euler", "Of the neural dynamics.", INTEGRATORS)
-    learning_rate: float = _setting(0.06, "Of the values, 1/s.")
-    trace_tau: float = _setting(1.0, "Time constant of the item-and-order memory, s.")
-    reward: float = _setting(REWARD, "Size of the reward signal.")
-    reward_duration: float = _setting(REWARD_DURATION, "Length of the reward signal, s.")
-    noise: float = _setting(10.0, "Amplitude of exploration on the values.")
-    width: int = _setting(EPUCK.width, "Columns of the camera image.")
-    height: int = _setting(EPUCK.height, "Rows of the camera image.")
+    learning_rate: float = _setting(0.06, "Of the values, 1/s.", within=_above_zero(100))
+    trace_tau: float = _setting(
+        1.0, "Time constant of the item-and-order memory, s.", within=_above_zero(3600)
+    )
+    reward: float = _setting(REWARD, "Size of the reward signal.", within=Interval(-1000, 1000))
+    reward_duration: float = _setting(
+        REWARD_DURATION, "Length of the reward signal, s.", within=_above_zero(3600)
+    )
+    noise: float = _setting(
+        10.0, "Amplitude of exploration on the values.", within=_above_zero(1000)
+    )
+    width: int = _setting(EPUCK.width, "Columns of the camera image.", within=_whole(8, 640))
+    height: int = _setting(EPUCK.height, "Rows of the camera image.", within=_whole(6, 480))
 
     def __post_init__(self) -> None:
         from dntorch.checks import check_time_constant  # imports PyTorch
 
-        if self.world not in WORLDS:
-            raise ValueError(f"world={self.world!r}: choose from {', '.join(WORLDS)}")
+        for each in fields(self):
+            check_setting(each.name, getattr(self, each.name))
         check_sequence(self.sequence, check_colors(self.colors))
         check_integrator(self.integrator, self.substeps)
-        for name in ("dt", "learning_rate", "trace_tau", "reward_duration", "noise"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(
-                    f"{name}={getattr(self, name)} must be positive and finite: give a number "
-                    "above 0"
-                )
-        if not math.isfinite(self.reward):
-            raise ValueError(f"reward={self.reward} is not finite: give a number")
         if self.reward_duration < self.dt:
             raise ValueError(
                 f"reward_duration={self.reward_duration} is shorter than a control step: give at "
                 f"least dt={self.dt}"
             )
         check_time_constant("trace_tau", self.trace_tau, self.fine)
-        if not 0 <= self.seed < 2**32:
-            raise ValueError(f"seed={self.seed}: give a whole number from 0 to {2**32 - 1}")
-        if min(self.width, self.height) < 1:
-            raise ValueError(f"width={self.width}, height={self.height}: give an image of pixels")
-        if self.steps < 1:
-            raise ValueError(f"steps={self.steps}: run for at least one step")
-        if not 0 <= self.explore <= self.steps:
+        if self.explore > self.steps:
             raise ValueError(
                 f"explore={self.explore} is not within steps={self.steps}: explore for fewer steps "
                 "or run for more"
@@ -91,3 +106,38 @@ class Config:
     def fine(self) -> float:
         """Seconds an integrator step."""
         return self.dt / self.substeps
+
+
+def check_setting(name: str, value: Any, label: str | None = None) -> None:
+    """Raise a ``ValueError`` unless a field of `Config`, by itself, may have this value.
+
+    Args:
+        label: what to call it, if not by its name.
+    """
+    metadata, label = FIELDS[name].metadata, label or name
+    if metadata["within"] is not None:
+        metadata["within"].check(label, value)
+    elif metadata["choices"]:
+        if value not in metadata["choices"]:
+            choices = ", ".join(metadata["choices"])
+            raise ValueError(f"{label}={shown(value)} is unknown: choose from {choices}")
+    elif not isinstance(value, str) or len(value) > LETTERS:
+        raise ValueError(f"{label}={shown(value)}: give a text of at most {LETTERS} letters")
+
+
+def kept_config(values: Any, path: Path) -> Config:
+    """The config that a file of ours at ``path`` holds.
+
+    Raises:
+        ValueError: it holds none, or one that makes no run.
+    """
+    try:
+        return Config(**values)
+    except TypeError as error:
+        raise ValueError(f"{path} is of another version of dntorch: {error}") from error
+    except ValueError as error:
+        raise ValueError(f"{path} cannot be used: {error}") from error
+
+
+FIELDS = {each.name: each for each in fields(Config)}
+"""Of a config, by name."""

@@ -11,7 +11,7 @@ from dntorch import files
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.process import can_compile
 from dntorch.runs.build import build_agent
-from dntorch.runs.config import Config
+from dntorch.runs.config import Config, kept_config
 from dntorch.runs.engine import Engine
 from dntorch.runs.events import Events
 from dntorch.runs.group import Group
@@ -177,7 +177,7 @@ class Trial(Run):
             )
         try:
             compiled = content["compiled"] and can_compile()
-            return cls(Config(**content["config"]), compiled).restore(path)
+            return cls(kept_config(content["config"], path), compiled).restore(path)
         except (KeyError, TypeError) as error:
             raise ValueError(f"{path} is of another version of dntorch: {error}") from error
 
@@ -190,7 +190,7 @@ def load_trained(path: Path) -> tuple[DNSarsa, Config]:
     """
     content = files.load(path)
     try:
-        config = Config(**content["config"])
+        config = kept_config(content["config"], path)
         agent = build_agent(config)
         agent.restore(content["agent"])
     except (KeyError, TypeError) as error:

@@ -1,16 +1,14 @@
 """Settings of a run that a file holds."""
 
 import json
-from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any
 
-from dntorch.runs.config import Config
+from dntorch.quantities import shown
+from dntorch.runs.config import FIELDS, check_setting
 
-FIELDS: dict[str, Field] = {field.name: field for field in fields(Config)}
-"""Of a config, by name."""
-
-WORDS = {str: "a text", int: "a whole number", float: "a number"}
+LARGEST = 1 << 20
+"""Characters that are read of a file: far more than a run's results, and an end to a device."""
 
 
 def read_settings(file: Path) -> dict[str, Any]:
@@ -19,15 +17,16 @@ def read_settings(file: Path) -> dict[str, Any]:
     A TOML file holds them as they are, ``noise = 5.0``, and as many of them as it likes.
 
     Raises:
-        ValueError: the file cannot be read, holds a name that a config has not, or a value of
-            another type.
+        ValueError: the file cannot be read, holds a name that a config has not, or a value that
+            the name may not have.
     """
     try:
-        text = file.read_text(encoding="utf-8")
+        with file.open(encoding="utf-8") as stream:
+            text = stream.read(LARGEST)
         content = _toml(text) if file.suffix == ".toml" else _results(text)
     except OSError as error:
         raise ValueError(f"{file} cannot be read ({error.strerror}): name another") from error
-    except ValueError as error:  # all decoders raise a kind of it
+    except (ValueError, RecursionError) as error:  # all decoders raise a kind of the first
         raise ValueError(
             f"{file} cannot be used ({error}): give the results.json of a run, or a file .toml"
         ) from error
@@ -55,12 +54,8 @@ def _toml(text: str) -> dict[str, Any]:
 def _checked(file: Path, name: str, value: Any) -> Any:
     if name not in FIELDS:
         raise ValueError(
-            f"{file}: {name}={value!r} is no setting of a run: take it out; there are "
+            f"{file}: {name}={shown(value)} is no setting of a run: take it out; there are "
             f"{', '.join(FIELDS)}"
         )
-    kind, choices = FIELDS[name].type, FIELDS[name].metadata["choices"]
-    if choices and value not in choices:
-        raise ValueError(f"{file}: {name}={value!r} is unknown: choose from {', '.join(choices)}")
-    if type(value) is not kind and not (kind is float and type(value) is int):
-        raise ValueError(f"{file}: {name}={value!r} is of another type: give {WORDS[kind]}")
-    return kind(value)
+    check_setting(name, value, f"{file}: {name}")
+    return FIELDS[name].type(value)

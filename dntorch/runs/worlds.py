@@ -31,6 +31,8 @@ class Row(NamedTuple):
     env: Callable[..., gymnasium.Env] | None = None
     """the same as a Gymnasium env with a view from outside, to film and to emulate; None if
     there is nothing to see"""
+    packages: tuple[str, ...] = ()
+    """what it imports besides PyTorch and NumPy"""
 
 
 def build_task(config: Config, others: tuple[str, ...] = ()) -> SequenceTask:
@@ -83,7 +85,7 @@ ROBOT = ("image", "wheels", "proximity")
 WORLDS = {
     "epuck": Row(
         "PyBullet, from camera images", ROBOT, _epuck, batched=False, numbered=False,
-        env=_epuck_env,
+        env=_epuck_env, packages=("pybullet", "gymnasium"),
     ),
     "ring": Row(
         "the same seen in torch, needs no PyBullet", ROBOT, _ring, batched=True, numbered=False,

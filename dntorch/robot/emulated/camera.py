@@ -36,12 +36,12 @@ class Camera:
     """of the noise"""
 
     def __post_init__(self) -> None:
-        good = self.exposure > 0 and self.zoom >= 1 and min(self.gains) > 0
-        good = good and min(self.blur, self.noise, self.latency) >= 0
-        if not good or (self.fps is not None and not self.fps > 0):
+        positive = (*self.gains, self.exposure, 1.0 if self.fps is None else self.fps)
+        good = all(0 < number < math.inf for number in positive) and 1 <= self.zoom < math.inf
+        if not good or not all(0 <= n < math.inf for n in (self.blur, self.noise, self.latency)):
             raise ValueError(
-                f"{self}: give gains, exposure and fps above 0, zoom from 1, and blur, noise "
-                "and latency from 0"
+                f"{self}: give finite numbers, gains, exposure and fps above 0, zoom from 1, and "
+                "blur, noise and latency from 0"
             )
 
     @property

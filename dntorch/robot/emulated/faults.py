@@ -5,13 +5,15 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from dntorch.quantities import Interval
+
 
 @dataclass(frozen=True)
 class Faults:
     """Probability of each fault for each set of packets that a robot sends.
 
     Raises:
-        ValueError: probabilities below 0, or together above 1.
+        ValueError: probabilities that are none, or together above 1; seconds below 0.
     """
 
     stall: float = 0.0
@@ -36,8 +38,10 @@ class Faults:
 
     def __post_init__(self) -> None:
         chances = list(self.chances.values())
-        if min(chances) < 0 or sum(chances) > 1:
+        if not all(0 <= chance <= 1 for chance in chances) or sum(chances) > 1:
             raise ValueError(f"{self}: give probabilities from 0 that sum to at most 1")
+        for name in ("stall_seconds", "delay_seconds"):
+            Interval(0, 3600, unit="s").check(name, getattr(self, name))
 
     @property
     def chances(self) -> dict[str, float]:

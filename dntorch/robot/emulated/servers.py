@@ -6,6 +6,7 @@ import socket
 from typing import Protocol
 
 from dntorch.robot.link import LinkLost
+from dntorch.robot.transports import check_port
 
 
 class Link(Protocol):
@@ -39,6 +40,7 @@ class TcpServer:
     """Listens on a port; 0 takes a free one. The ``address`` says which."""
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
+        check_port(port, least=0)
         self._socket = socket.create_server((host, port))
         self._socket.setblocking(False)
         self.host, self.port = self._socket.getsockname()[:2]
