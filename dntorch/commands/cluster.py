@@ -8,15 +8,18 @@ import click
 
 from dntorch.commands.extras import require
 from dntorch.commands.kinds import Parsed
-from dntorch.robot.transports import check_port
 
 PATIENCE = 3.0
 """s, for a cluster to answer."""
+SETTINGS = bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
+"""The frame with which both sides of HTTP/2 begin."""
 
 
 def _ray(address: str) -> str:
     """The address of a cluster at which somebody answers: Ray would wait for long."""
     require("ray", instead="leave --ray out")
+    from dntorch.robot.transports import check_port
+
     if address in ("local", "auto"):
         return address
     place = re.fullmatch(r"(?:ray://)?([^:/\s]+):([0-9]{1,5})", address)
@@ -24,7 +27,7 @@ def _ray(address: str) -> str:
         if place is None:
             raise ValueError
         check_port(port := int(place[2]))
-        socket.create_connection((place[1], port), PATIENCE).close()
+        _greet(place[1], port)
     except OSError as error:
         raise ValueError(
             f"{error.strerror or error}; run ray start --head there, name another address, or local"
@@ -32,6 +35,14 @@ def _ray(address: str) -> str:
     except ValueError:  # UnicodeError too: a name that cannot be looked up
         raise ValueError("give HOST:PORT, ray://HOST:PORT, auto or local") from None
     return address
+
+
+def _greet(host: str, port: int) -> None:
+    """Raise an ``OSError`` unless who listens speaks HTTP/2, as Ray's gRPC does."""
+    with socket.create_connection((host, port), PATIENCE) as link:
+        link.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + SETTINGS)
+        if link.recv(9)[3:4] != SETTINGS[3:4]:
+            raise ConnectionError("whoever listens there is no Ray cluster")
 
 
 def _slurm(_: click.Context, __: click.Parameter, asked: bool) -> bool:

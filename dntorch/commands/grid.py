@@ -1,5 +1,6 @@
 """Options that say which runs make a sweep: seeds, and values to combine."""
 
+import re
 from typing import Any
 
 import click
@@ -13,11 +14,10 @@ from dntorch.runs.config import FIELDS
 def _seeds(text: str) -> list[int]:
     seeds: list[int] = []
     for part in text.split(","):
-        first, _, last = part.partition("-")
-        try:
-            numbers = range(int(first), int(last or first) + 1)
-        except ValueError:
-            raise ValueError("give numbers such as 0-9 or 1,5,7") from None
+        ends = re.fullmatch(r"([0-9]{1,20})(?:-([0-9]{1,20}))?", part)
+        if ends is None:
+            raise ValueError("give numbers such as 0-9 or 1,5,7")
+        numbers = range(int(ends[1]), int(ends[2] or ends[1]) + 1)
         if not numbers:
             raise ValueError(f"{part} names none: give the smaller number first")
         if numbers[-1] not in FIELDS["seed"].metadata["within"]:

@@ -71,24 +71,26 @@ class Place(click.Path):
     """A file or folder; a shell completes it.
 
     Args:
-        check: raises a ``ValueError`` with the remedy, or an ``OSError``, unless it will do.
+        check: raises an ``OSError``, or a ``ValueError`` with the remedy, unless it will do.
+        cannot: what an ``OSError`` means.
         folder: whether it is one.
     """
 
-    def __init__(self, check: Callable[[Path], Any], folder: bool) -> None:
+    def __init__(self, check: Callable[[Path], Any], cannot: str, folder: bool = False) -> None:
         super().__init__(file_okay=not folder, dir_okay=folder, path_type=Path)
-        self.check = check
+        self.check, self.cannot = check, cannot
 
     def convert(self, value: Any, param: click.Parameter | None, _: click.Context | None) -> Path:
+        label = named(param, value)
         try:
             if not str(value) or "\0" in str(value):
                 raise ValueError("give a path")
             self.check(Path(value))
         except OSError as error:
             reason = error.strerror or error
-            raise ValueError(f"{named(param, value)}: {reason}; name another") from error
+            raise ValueError(f"{label} {self.cannot} ({reason}): name another") from error
         except ValueError as error:
-            raise ValueError(f"{named(param, value)}: {error}") from error
+            raise ValueError(f"{label}: {error}") from error
         return Path(value)
 
 
@@ -96,7 +98,7 @@ def named(param: click.Parameter | None, value: Any) -> str:
     """An option and its value, as they are typed."""
     text = str(value)
     name = param.opts[0] if isinstance(param, click.Option) else param and param.human_readable_name
-    return f"{name}={text if len(text) <= 60 else text[:60] + '...'}"
+    return f"{name}={text if len(text) <= 200 else text[:200] + '...'}"
 
 
 def once(given: Iterable[tuple[str, Any]], option: str, remedy: str) -> None:
@@ -139,8 +141,6 @@ def _to_enter(folder: Path) -> None:
 
 
 def _to_read(file: Path) -> None:
-    if file.is_dir() or not _exists(file):
-        raise ValueError("there is no such file: name another")
     if not stat.S_ISFIFO(file.stat().st_mode):  # such as <(command): readable only once
         file.open("rb").close()
 
@@ -153,5 +153,7 @@ def _exists(path: Path) -> bool:
     return True
 
 
-NEW_FOLDER, OLD_FOLDER = Place(_to_make, folder=True), Place(_to_enter, folder=True)
-NEW_FILE, OLD_FILE = Place(_to_write, folder=False), Place(_to_read, folder=False)
+WRITTEN, READ = "cannot be written to", "cannot be read"
+NEW_FOLDER = Place(_to_make, WRITTEN, folder=True)
+OLD_FOLDER = Place(_to_enter, READ, folder=True)
+NEW_FILE, OLD_FILE = Place(_to_write, WRITTEN), Place(_to_read, READ)

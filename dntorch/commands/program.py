@@ -41,6 +41,6 @@ def fail(message: str) -> int:
 
 def _remedy(error: click.UsageError) -> str:
     """Where to read what there is, unless click has said what to give."""
-    if error.ctx is None or isinstance(error, click.BadParameter):
+    if isinstance(error, click.BadParameter):
         return ""
-    return f" See {error.ctx.command_path} --help."
+    return f" See {error.ctx.command_path if error.ctx else 'dntorch'} --help."

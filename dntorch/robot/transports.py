@@ -218,7 +218,6 @@ def transport_for(address: str) -> Transport:
     parts = re.fullmatch(r"([^:/\s]+)(?::([0-9]{1,5}))?", place)
     if kind != "tcp" or parts is None or not is_host(parts[1]):
         raise ValueError(f"{address!r} is no robot: give tcp://HOST[:PORT] or serial://DEVICE")
-    return Tcp(host, int(port or PORT))
     try:
         return Tcp(parts[1], int(parts[2] or PORT))
     except ValueError as error:

@@ -150,7 +150,13 @@ def on_ray(
     if begun:
         here = {} if address else {"num_cpus": processes, "include_dashboard": False}
         former = signal.getsignal(signal.SIGTERM)
-        ray.init(address=address or "local", log_to_driver=False, **here)
+        try:
+            ray.init(address=address or "local", log_to_driver=False, **here)
+        except ConnectionError as error:
+            reason = str(error).split(". ")[0]
+            raise ConnectionError(
+                f"address={address!r}: {reason}; name a cluster that runs, or local"
+            ) from error
         with suppress(ValueError):  # Ray's own, in a main thread, would end it without a word
             signal.signal(signal.SIGTERM, former)
     try:

@@ -113,7 +113,7 @@ def test_toml_without_its_reader_is_one_sentence(tmp_path: Path, monkeypatch) ->
         ("a.json", '{"config": {"dt": null}}', ["dt=None", "give a number"]),
         ("a.json", '{"config": {"colors": 3}}', ["colors=3", "give a text"]),
         ("a.json", '{"config": {"world": "mars"}}', ["world='mars'", "epuck, ring, nodes"]),
-        ("a.json", '{"config": {"dt": -1.0}}', ["a.json", "dt=-1.0", "positive"]),
+        ("a.json", '{"config": {"dt": -1.0}}', ["a.json", "dt=-1.0", "give a number from 0.001"]),
     ],
 )
 @pytest.mark.parametrize("command", ["learn", "reproduce", "sweep"])
@@ -136,12 +136,12 @@ def test_a_bad_file_is_one_line(
     ("arguments", "words"),
     [
         (["--dt", "0.2"], ["dt=0.2", "smaller dt"]),
-        (["--trace-tau", "0"], ["trace_tau=0.0", "positive"]),
+        (["--trace-tau", "0"], ["--trace-tau=0", "give a number above 0"]),
         (["--reward", "nan"], ["reward=nan", "give a number"]),
         (["--reward-duration", "0.01"], ["reward_duration=0.01", "give at least dt=0.03125"]),
         (["--noise", "loud"], ["--noise", "loud"]),
         (["--integrator", "rk4"], ["rk4", "euler"]),
-        (["--width", "0"], ["width=0", "image of pixels"]),
+        (["--width", "0"], ["--width=0", "give a whole number from 8"]),
         (["--colors", "RGBX"], ["RGBX", "ROYGCBVM"]),
     ],
 )
@@ -194,10 +194,10 @@ def test_one_value_has_one_source(tmp_path: Path, monkeypatch, capsys) -> None:
     out = ["--out", tmp_path / "s"]
     error = fails(monkeypatch, capsys, "sweep", "--noise", 3, "--set", "noise=4,5", *out)
     assert "--noise" in error and "leave --noise out" in error
-    error = fails(monkeypatch, capsys, "learn", "--resume", "x", "--trace-tau", 1)
+    error = fails(monkeypatch, capsys, "learn", "--resume", tmp_path, "--trace-tau", 1)
     assert "leave --trace-tau out" in error
     file = write(tmp_path / "a.json", '{"config": {}}')
-    error = fails(monkeypatch, capsys, "learn", "--resume", "x", "--config", file)
+    error = fails(monkeypatch, capsys, "learn", "--resume", tmp_path, "--config", file)
     assert "leave --config out" in error
 
 

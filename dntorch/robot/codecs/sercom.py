@@ -10,6 +10,7 @@ answers, one after the other, without any frame. So the host must know what it a
 Integers are little-endian, the pixels of images are not.
 """
 
+import re
 import struct
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -178,40 +179,45 @@ def split_requests(
     """Whole requests at the front of a stream to the robot, and the bytes after them.
 
     As in the firmware, unknown codes count as codes without arguments, and whatever is no
-    number in a line of text counts as 0.
+    number in a line of text counts as 0. It takes time in proportion to the bytes.
 
     Raises:
         ProtocolError: far too many bytes without an end.
     """
     requests: list[Request] = []
-    while buffer:
-        read = _split_chain if buffer[0] & 0x80 else _split_text
-        request, rest = read(buffer, arguments)
-        if request is None:
-            if len(buffer) > LONGEST:
-                raise ProtocolError(f"{len(buffer)} bytes without an end", requests)
+    at = _ZEROS.match(buffer).end()  # zeros between requests mean nothing
+    while at < len(buffer):
+        read = _read_chain if buffer[at] & 0x80 else _read_text
+        request, end = read(buffer, at, arguments)
+        if end < 0:
             break
         requests += [request] if request else []
-        buffer = rest
-    return requests, buffer
+        at = _ZEROS.match(buffer, end).end()
+    if len(buffer) - at > LONGEST:
+        raise ProtocolError(f"{len(buffer) - at} bytes without an end", requests)
+    return requests, buffer[at:]
 
 
-def _split_chain(buffer: bytes, arguments: Mapping[int, int]) -> tuple[Request | None, bytes]:
-    codes, at = [], 0
+_ZEROS, _END = re.compile(rb"\0*"), re.compile(rb"[\r\n]")
+
+
+def _read_chain(buffer: bytes, at: int, arguments: Mapping[int, int]) -> tuple[Request, int]:
+    """A chain that begins here, and where the next request does, or -1 if it is not whole."""
+    codes = []
     while at < len(buffer) and buffer[at]:
         end = at + 1 + arguments.get(buffer[at], 0)
         codes.append(Code(buffer[at], buffer[at + 1 : end]))
         at = end
-    return (tuple(codes), buffer[at + 1 :]) if at < len(buffer) else (None, buffer)
+    return tuple(codes), at + 1 if at < len(buffer) else -1
 
 
-def _split_text(buffer: bytes, _: Mapping[int, int]) -> tuple[Request | None, bytes]:
-    ends = [at for at in (buffer.find(b"\r"), buffer.find(b"\n")) if at >= 0]
-    if not ends and buffer[0]:
-        return None, buffer
-    end = min(ends, default=0) if buffer[0] else 0  # a zero between requests means nothing
-    letter, *numbers = buffer[:end].decode("latin-1").split(",")
-    return (Text(letter, tuple(map(_number, numbers))) if letter else ()), buffer[end + 1 :]
+def _read_text(buffer: bytes, at: int, _: Mapping[int, int]) -> tuple[Request, int]:
+    found = _END.search(buffer, at)
+    if found is None:
+        return (), -1
+    letter, *numbers = buffer[at : found.start()].decode("latin-1").split(",")
+    request = Text(letter, tuple(map(_number, numbers))) if letter else ()
+    return request, found.end()
 
 
 def _number(word: str) -> int:

@@ -8,6 +8,9 @@ from typing import Protocol
 from dntorch.robot.link import LinkLost
 from dntorch.robot.transports import check_port
 
+CHUNK = 1 << 16
+"""Bytes that are taken at a time, once a step of the world: a flood cannot hold it up."""
+
 
 class Link(Protocol):
     """One client."""
@@ -65,7 +68,7 @@ class _SocketLink:
 
     def receive(self) -> bytes | None:
         try:
-            return self._socket.recv(1 << 16) or None
+            return self._socket.recv(CHUNK) or None
         except BlockingIOError:
             return b""
         except OSError:
@@ -116,7 +119,7 @@ class _PtyLink:
 
     def receive(self) -> bytes:
         try:
-            return os.read(self._master, 1 << 16)
+            return os.read(self._master, CHUNK)
         except BlockingIOError:
             return b""
 
@@ -165,8 +168,8 @@ class _MemoryLink:
         self.broken = self.ended = False
 
     def receive(self) -> bytes | None:
-        data = bytes(self.to_robot)
-        self.to_robot.clear()
+        data = bytes(self.to_robot[:CHUNK])
+        del self.to_robot[:CHUNK]
         return None if self.ended and not data else data
 
     def offer(self, data: bytes) -> int:

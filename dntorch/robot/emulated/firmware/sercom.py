@@ -4,6 +4,8 @@ Sources: ``Asercom.c`` of GCtronic's e-puck-library (DemoGCtronic-complete), ``A
 the e-puck2's main processor.
 """
 
+from collections import deque
+
 import numpy as np
 
 from dntorch.body import EPUCK1_LIMIT, EPUCK2_LIMIT
@@ -19,7 +21,12 @@ class SercomFirmware:
         version: 1 or 2.
         room: bytes of the largest image; larger ones become 40x40 in silence.
         ground: places of the ground that it measures: 3, or 5 if built with cliff sensors.
+
+    What it is told it does at once. Of requests beyond `QUEUE` that wait for their turn to be
+    answered the newest are not, as when the robot's buffer runs over.
     """
+
+    QUEUE = 64
 
     def __init__(self, version: int = 1, room: int = 52 * 39 * 2, ground: int = 3) -> None:
         self.limit = EPUCK1_LIMIT if version == 1 else EPUCK2_LIMIT
@@ -29,7 +36,7 @@ class SercomFirmware:
         """mode, width, height, zoom"""
         arguments = sercom.ARGUMENTS if version == 1 else sercom2.ARGUMENTS
         self._stream = Stream(lambda data: sercom.split_requests(data, arguments))
-        self._waiting: list[sercom.Request] = []
+        self._waiting: deque[sercom.Request] = deque()
 
     def take(self, data: bytes) -> None:
         try:
@@ -38,10 +45,11 @@ class SercomFirmware:
             requests = error.packets
         for request in requests:
             self._obey(request)
-            self._waiting.append(request)
+            if len(self._waiting) < self.QUEUE:
+                self._waiting.append(request)
 
     def greet(self) -> None:
-        self._stream.rest, self._waiting = b"", []
+        self._stream.rest, self._waiting = b"", deque()
 
     def farewell(self) -> bool:
         return True
@@ -93,7 +101,7 @@ class SercomFirmware:
             if answer is None:
                 break
             packets += [answer] if answer else []
-            self._waiting.pop(0)
+            self._waiting.popleft()
         return packets
 
     def _answer(self, request, look: Look, feel: Feel) -> bytes | None:
