@@ -51,10 +51,12 @@ class Calibration:
             raise ValueError(f"mirror={self.mirror!r}: choose true or false")
         if len(self.gains) != 3 or not all(gain in GAIN for gain in self.gains):
             raise ValueError(f"gains={self.gains!r}: give {GAIN}, three times")
+        if not isinstance(self.hues, dict):
+            raise ValueError(f"hues={self.hues!r}: give degrees by letter")
         for letter, hue in self.hues.items():
             if letter not in HUES:
                 raise ValueError(f"hues={self.hues!r}: name colours by {', '.join(HUES)}")
-            HUE.check(f"hue of {letter}", hue)
+            HUE.check(f"hues[{letter!r}]", hue)
 
     def correct(self, image: np.ndarray) -> np.ndarray:
         """An image as the camera should have seen it, uint8 RGB."""

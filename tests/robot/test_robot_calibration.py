@@ -34,11 +34,32 @@ def test_a_file_holds_it(tmp_path):
 
 
 @pytest.mark.parametrize("wrong", [
-    {"rotate": 45}, {"gains": (1.0, 0.0, 1.0)}, {"gains": (1.0, 1.0)}, {"fov": 0.0}, {"axle": -1.0},
+    {"rotate": 45}, {"rotate": math.nan}, {"rotate": "90"}, {"mirror": "no"}, {"mirror": 1},
+    {"gains": [1.0, 0.0, 1.0]}, {"gains": [1.0, 1.0]}, {"gains": [1.0, math.nan, 1.0]},
+    {"gains": [1.0, 1.0, 1e9]}, {"gains": "abc"}, {"gains": [[1], [1], [1]]},
+    {"fov": 0.0}, {"fov": 7}, {"fov": math.nan}, {"fov": "0.6"}, {"fov": None},
+    {"axle": -1.0}, {"axle": 99}, {"axle": math.inf}, {"axle": True},
+    {"fps": 0}, {"fps": -3}, {"fps": 1e9}, {"fps": math.nan},
+    {"hues": {"R": math.nan}}, {"hues": {"R": "red"}}, {"hues": {"X": 3.0}}, {"hues": {"R": 400}},
+    {"hues": [1]}, {"hues": None},
 ])  # fmt: skip
-def test_what_corrects_nothing_is_refused(wrong):
-    with pytest.raises(ValueError):
-        Calibration(**wrong)
+def test_what_corrects_nothing_is_refused(wrong, tmp_path):
+    path = tmp_path / "robot.json"
+    path.write_text(json.dumps(wrong))
+    (name,) = wrong
+    with pytest.raises(
+        ValueError, match=rf"robot.json is no calibration: {name[:3]}.*(give|choose|name)"
+    ):
+        Calibration.load(path)
+    if name != "gains":
+        with pytest.raises(ValueError, match=f"^{name[:3]}"):
+            Calibration(**wrong)
+
+
+def test_a_distance_is_beyond_the_camera():
+    for distance in (0.0, -1.0, 0.03, math.nan):
+        with pytest.raises(ValueError, match=r"distance=.* give a number from"):
+            cal.measure_view([GRAY, GRAY], [0.0, 0.1], distance)
 
 
 @pytest.mark.parametrize("rotate", [0, 90, 180, 270])

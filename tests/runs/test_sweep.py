@@ -238,7 +238,7 @@ def test_slurm_jobs_are_the_same_runs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--seeds", "a-b"], ["--seeds='a-b'", "such as 0-9"]),
+        (["--seeds", "a-b"], ["--seeds=a-b", "such as 0-9"]),
         (["--set", "color=1"], ["'color' cannot be set", "learning_rate"]),
         (["--set", "steps=many"], ["steps=many", "give a whole number", "100000"]),
         (["--set", "steps=10"], ["explore=50000", "steps=10"]),
