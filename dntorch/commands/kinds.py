@@ -136,7 +136,7 @@ def _to_write(file: Path) -> None:
 
 def _to_enter(folder: Path) -> None:
     if not folder.is_dir():
-        raise ValueError("there is no such folder: name a folder that dntorch wrote")
+        raise ValueError("there is no such folder: name a folder that holds a run, or an export")
     next(folder.iterdir(), None)
 
 

@@ -149,3 +149,18 @@ def test_what_is_wrong_together_is_one_line(arguments: str, words: list[str], pl
     monkeypatch.setattr("shutil.which", lambda name: None)
     error = refused(arguments.split())
     assert all(word in error for word in words), error
+
+
+def test_seeds_of_later_runs_are_seeds_too(place, monkeypatch) -> None:
+    monkeypatch.setattr(common, "settle", lambda: None)
+    error = refused(["reproduce", "--world", "ring", "--seed", str(2**32 - 5), "--runs", "10"])
+    assert "--seed=4294967291" in error and "--runs=10" in error and "give a smaller one" in error
+
+
+def test_too_little_memory_is_one_line(place, monkeypatch) -> None:
+    def take(*_) -> None:
+        raise MemoryError("Unable to allocate 9 TiB")
+
+    monkeypatch.setattr(common, "settle", take)
+    error = refused(["learn", "--world", "nodes"])
+    assert "9 TiB" in error and "ask for fewer" in error

@@ -179,13 +179,13 @@ def test_results_hold_what_a_reader_needs(tmp_path: Path) -> None:
         (["--dt", "0.2"], ["dt=0.2", "smaller dt"]),
         (["--explore", "200", "--steps", "100"], ["explore=200", "steps=100"]),
         (["--seed", "-1"], ["seed=-1", "from 0"]),
-        (["--width", "0"], ["width=0", "image of pixels"]),
+        (["--width", "0"], ["--width=0", "give a whole number from 8 to 640"]),
         (["--substeps", "0"], ["substeps=0"]),
         (["--world", "mars"], ["mars", "epuck"]),
         (["--nonsense"], ["--nonsense"]),
         (["--resume", "no/such/run"], ["no/such/run", "name a folder that holds a run"]),
         (["--out", "{file}/below"], ["--out", "name another"]),
-        (["--resume", "x", "--seed", "1"], ["--seed", "leave --seed out"]),
+        (["--resume", ".", "--seed", "1"], ["--seed", "leave --seed out"]),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

@@ -223,6 +223,12 @@ def test_one_table_in_three_formats(tmp_path: Path) -> None:
         assert json.loads(text["value_matrix"]) == one["value_matrix"]
 
 
+def test_a_cluster_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+    tasks = sweep.plan(sweep.grid(SHORT, [0], {}), tmp_path)
+    with pytest.raises(ConnectionError, match=r"address='auto': .*; name a cluster that runs"):
+        list(pool.on_ray(sweep.run, tasks, "auto"))
+
+
 # submitit's executor for debugging, which runs jobs in this process, leaves its logs open.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
@@ -244,6 +250,9 @@ def test_slurm_jobs_are_the_same_runs(tmp_path: Path) -> None:
         (["--set", "steps=10"], ["explore=50000", "steps=10"]),
         (["--batch", "4"], ["batch=4", "leave it out"]),
         (["--seeds", "1,1"], ["seed1", "twice"]),
+        (["--seeds", "0-99999", "--set", "noise=1,2,3"], ["300,000 runs", "give at most 100,000"]),
+        (["--set", "noise=5", "--set", "noise=6"], ["--set noise", "give NAME=VALUE,VALUE"]),
+        (["--set", "reward=nan"], ["--set=reward=nan", "give a number"]),
     ],
 )
 def test_bad_input_names_what_to_give(arguments, words, tmp_path: Path) -> None:
