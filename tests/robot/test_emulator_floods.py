@@ -113,7 +113,9 @@ def test_after_a_stray_byte_the_firmware_obeys_what_lies_there() -> None:
     served.say(b"\0", command(2, 1))  # of which the last byte is still to be read
     assert served.emulator.speeds == (2 << 8, 1 << 8)
     served.say(command(0, 0))
-    assert served.emulator.speeds == (0, 0), "speed 0 is speed 0 wherever it begins"
+    assert served.emulator.speeds == (0, 0), "shifted by a byte, speed 0 is speed 0"
+    served.say(bytes(3), command(0, 0))
+    assert served.emulator.speeds == (-1100, 3), "shifted by four it is not"
 
 
 def test_the_first_command_of_a_host_begins_with_80() -> None:

@@ -33,7 +33,8 @@ class WifiFirmware:
     counts off 21 bytes, asks for the first 80 in the first command of a host alone, and obeys
     what comes after as it lies, here shifted by a byte: of speeds (l, r) the left wheel then gets
     the settings and the low byte of l, the right one the high byte of l and the low byte of r.
-    Speed 0 without settings is still speed 0: it stops. A part of a command holds its stream up
+    Speed 0 without settings is then still speed 0. After three to six stray bytes it is not: the
+    80 with which a command begins lies in a speed. A part of a command holds its stream up
     until the rest has come. The ideal robot does the same; that of Webots drops what is no
     command, and what came alone in a step does not shift what follows.
     """
