@@ -14,6 +14,7 @@ from dntorch.robot.emulated.camera import Camera
 from dntorch.robot.emulated.emulator import Emulator
 from dntorch.robot.emulated.faults import Faults
 from dntorch.robot.emulated.firmware import WifiFirmware, build_firmware
+from dntorch.robot.emulated.firmware.wifi import UNREAD
 from dntorch.robot.emulated.servers import CHUNK, MemoryServer, TcpServer
 from dntorch.robot.transports import Tcp, transport_for
 
@@ -101,10 +102,19 @@ def test_what_the_robot_of_webots_has_not_read_is_bounded() -> None:
     firmware = WifiFirmware("webots")
     for _ in range(100):
         firmware.take(command(1, 1) * 3000)
-    assert len(firmware._buffer) <= 21 * 3000 and firmware.speeds == (1, 1)
+    assert len(firmware._buffer) <= UNREAD and firmware.speeds == (1, 1)
 
 
 # ---------------------------------------------------------------- a stray byte
+
+
+def test_a_chunk_of_commands_leaves_the_next_in_step() -> None:
+    """A host that sends more than a step takes: what was cut is completed."""
+    served = Served("wifi")
+    served.say(command(1, 1) * (2 * CHUNK // 21), command(8, 8))
+    served.step(), served.step()
+    assert served.emulator.speeds == (8, 8)
+    assert served.say(command(7, 7))[-2:] == "PS" and served.emulator.speeds == (7, 7)
 
 
 def test_after_a_stray_byte_the_firmware_obeys_what_lies_there() -> None:

@@ -11,8 +11,8 @@ from dntorch.robot.images import resample
 PACINGS = ("firmware", "webots", "request")
 SIZE = 21
 """Bytes of a command."""
-UNREAD = 3000 * SIZE
-"""Bytes that wait to be read at most; what comes beyond is lost."""
+UNREAD = 4000 * SIZE
+"""Bytes that wait to be read at most, more than come in a step; what is beyond is lost."""
 
 
 class WifiFirmware:
@@ -35,7 +35,7 @@ class WifiFirmware:
     the settings and the low byte of l, the right one the high byte of l and the low byte of r.
     Speed 0 without settings is then still speed 0. After three to six stray bytes it is not: the
     80 with which a command begins lies in a speed. A part of a command holds its stream up
-    until the rest has come. The ideal robot does the same; that of Webots drops what is no
+    until the rest has come. The ideal robot obeys likewise; that of Webots drops what is no
     command, and what came alone in a step does not shift what follows.
     """
 
