@@ -1,5 +1,6 @@
 """What has to survive from one control step to the next, and over resets."""
 
+import weakref
 from typing import Any
 
 import torch
@@ -31,7 +32,8 @@ class LastReward(Transform):
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
         self.latest = next_tensordict.get("reward")
-        return next_tensordict.set(self.KEY, self.latest)
+        # A copy: a collector that is reset zeroes in place what it was about to show.
+        return next_tensordict.set(self.KEY, self.latest.clone())
 
     def _post_step_mdp_hooks(
         self, tensordict: TensorDictBase, tensordict_: TensorDictBase
@@ -40,7 +42,7 @@ class LastReward(Transform):
         if reward is not self.latest:  # a transform behind this one changed it
             self.latest = reward
             tensordict.set(("next", self.KEY), reward)
-            tensordict_.set(self.KEY, reward)
+            tensordict_.set(self.KEY, reward.clone())
         return tensordict, tensordict_
 
     def _reset(
@@ -48,7 +50,7 @@ class LastReward(Transform):
     ) -> TensorDictBase:
         if self.latest is None:
             self.latest = self.parent.full_reward_spec["reward"].zero()
-        return tensordict_reset.set(self.KEY, self.latest)
+        return tensordict_reset.set(self.KEY, self.latest.clone())
 
     def transform_observation_spec(self, observation_spec: Composite) -> Composite:
         observation_spec[self.KEY] = self.parent.full_reward_spec["reward"].clone()
@@ -82,7 +84,7 @@ class AgentPrimer(TensorDictPrimer):
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
         if self.KEY not in next_tensordict.keys():  # another policy took this step
             next_tensordict.set(self.KEY, tensordict.get(self.KEY))
-        self.latest = next_tensordict.get(self.KEY)
+        self.latest = next_tensordict.get(self.KEY).clone()  # which nobody zeroes in place
         return next_tensordict
 
     def _reset(
@@ -138,9 +140,33 @@ class Resumable(Transform):
     what it had learned.
     """
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._begun, self._registered = False, no_collector
+
+    @property
+    def collector(self) -> Any:
+        """The collector that steps this env, or None."""
+        registered = None if self.container is None else self.container.collector
+        return self._registered() if registered is None else registered
+
+    def clone(self) -> "Resumable":
+        """What ``max_frames_per_traj`` does after the collector made itself known to the first."""
+        twin, collector = super().clone(), self.collector
+        twin._registered = no_collector if collector is None else weakref.ref(collector)
+        return twin
+
+    def _reset(
+        self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase
+    ) -> TensorDictBase:
+        self._begun = True
+        return tensordict_reset
+
     def get_extra_state(self) -> dict[str, Tensor]:
-        world, collector = world_of(self.parent), self.collector
+        if not self._begun:
+            return pack({})
         content: dict[str, Any] = {}
+        world, collector = world_of(self.parent), self.collector
         if hasattr(world, "state_dict"):
             content["world"] = world.state_dict()
         if collector is not None:
@@ -149,6 +175,8 @@ class Resumable(Transform):
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
         content, collector = unpack(state), self.collector
+        if not content:
+            return
         if collector is not None:
             collector.reset()
         if "world" in content:
@@ -156,7 +184,13 @@ class Resumable(Transform):
         if collector is not None and "shown" in content:
             carrier = collector._carrier
             shown = TensorDict(content["shown"], carrier.batch_size, device=carrier.device)
-            carrier.update(shown if "world" in content else shown.select(AgentPrimer.KEY, strict=False))
+            if "world" not in content:
+                shown = shown.select(AgentPrimer.KEY, strict=False)
+            carrier.update(shown)
+
+
+def no_collector() -> None:
+    """In place of a reference to a collector."""
 
 
 def _shown(env: EnvBase) -> list[Any]:
