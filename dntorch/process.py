@@ -42,7 +42,7 @@ def occupy_streams() -> None:
 
 
 def open_streams() -> None:
-    """The same, and ``sys`` has all three again: what is printed to one that is None goes astray."""
+    """The same, and ``sys`` has all three: what is printed to one that is None goes astray."""
     occupy_streams()
     for number, (name, mode) in enumerate(STREAMS.items()):
         if getattr(sys, name) is None:

@@ -140,7 +140,7 @@ class AgentPolicy(TensorDictModuleBase):
                     "the agent reads it, so build the env with senses=agent.senses, or append "
                     f"RenameTransform([name], [{key!r}]) to it"
                 )
-            raise KeyError(f"the tensordict lacks {key!r}, it has {shown}: {remedy}")
+            raise KeyError(f"the tensordict lacks {key!r}: {remedy}; it has {shown}")
         return value
 
     def _noise(self, decisions: Tensor, steps: Tensor, seed: Tensor | None = None) -> Tensor:

@@ -305,15 +305,15 @@ class Other(Bell):
 @pytest.mark.parametrize(
     ("env", "message"),
     [
-        (lambda: wrap(Other()), r"lacks 'match', it has .*'vision'.*senses=agent.senses"),
-        (lambda: GymWrapper(Bell()), r"lacks '(is_init|last_reward)', it has .*wrap or transf"),
+        (lambda: wrap(Other()), r"lacks 'match': .*senses=agent.senses.*'vision'"),
+        (lambda: GymWrapper(Bell()), r"lacks '(is_init|last_reward)': .*wrap or transf"),
         (
             lambda: TransformedEnv(GymWrapper(Bell()), InitTracker()),
-            r"lacks 'last_reward', it has .*wrap or transformed of dntorch.rl",
+            r"lacks 'last_reward': .*wrap or transformed of dntorch.rl",
         ),
         (
             lambda: TransformedEnv(GymWrapper(Bell()), LastReward()),
-            r"lacks 'is_init', it has .*wrap or transformed of dntorch.rl",
+            r"lacks 'is_init': .*wrap or transformed of dntorch.rl",
         ),
     ],
     ids=["key", "nothing", "no LastReward", "no InitTracker"],
