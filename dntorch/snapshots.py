@@ -63,8 +63,8 @@ class Snapshots(Memory):
         """Raise unless a state is one of this structure, in its batch."""
         held = self.flat(self.state)
         try:
-            given = self.flat(state)
-        except (AttributeError, TypeError, KeyError) as error:
+            given = dict(self.flat(state))
+        except (AttributeError, TypeError, ValueError) as error:
             raise TypeError(
                 f"state is a {type(state).__name__} ({error}): give what {type(self).__name__}"
                 ".state or initial(batch) is"

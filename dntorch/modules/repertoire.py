@@ -91,6 +91,8 @@ class Repertoire(Sensorimotor[dict[str, Tensor]]):
 
     @state.setter
     def state(self, state: dict[str, Tensor]) -> None:
+        if not torch.jit.is_scripting():
+            self._require_state(state)
         self.write(state)
 
     def write(self, state: dict[str, Tensor]) -> None:

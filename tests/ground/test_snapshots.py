@@ -146,7 +146,7 @@ def test_a_checkpoint_of_other_names_changes_nothing(case):
     held, good = module.snapshot(), {k: 2 * x + 1 for k, x in module.state_dict().items()}
     with pytest.raises(ValueError, match=r"the state_dict has one more, .* has no: build the"):
         module.load_state_dict(good | {"more": torch.zeros(2)})
-    with pytest.raises(ValueError, match="the state_dict has no .*weights"):
+    with pytest.raises(ValueError, match=r"the state_dict has no .*weights"):
         module.load_state_dict({})
     assert_same(module.snapshot(), held)
     module.load_state_dict({"more": torch.zeros(2)}, strict=False)
@@ -210,7 +210,7 @@ def test_a_snapshot_with_lost_values_is_refused(case):
 def test_the_parts_of_a_body_stay_as_they_were_built(change):
     body = Repertoire(small_camera(), FindColor("RG"))
     parts = list(body.parts)
-    with pytest.raises(ValueError, match="fixed when a Repertoire is built.*build another"):
+    with pytest.raises(ValueError, match=r"fixed when a Repertoire is built.*build another"):
         change(body)
     assert list(body.parts) == parts and body.n == 5
     twin = copy.deepcopy(body)
