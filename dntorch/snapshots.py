@@ -1,5 +1,6 @@
 """What is put in the place of a structure's tensors: all of it, or nothing and one sentence."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -95,24 +96,23 @@ class Snapshots(Memory):
         return {f"{path}.{name}".lstrip(".") for path, _, name in memories(self)}
 
     @torch.jit.unused
-    def _go_on(self, held: Any, state: Any, inputs: dict[str, Any]) -> None:
+    def _go_on(self, held: Any, state: Any) -> None:
         """`write`, or leave all as it was where a part of the new state does not fit."""
-        if torch.compiler.is_compiling() or torch.jit.is_tracing():
-            self.write(state)
-            return
-        if self._keeps:
-            self._require_finite(held, state, inputs)
         try:
             self.write(state)
         except Exception:
             self.write(held)
             raise
 
+    @torch.jit.unused
     def _require_finite(self, held: Any, state: Any, inputs: dict[str, Any]) -> None:
         """Raise unless what was learned stays finite: one bad number would erase it for ever."""
-        ahead = self.flat(state)
+        if torch.compiler.is_compiling() or torch.jit.is_tracing():
+            return
         for name in self._keeps:
-            if ahead[name].is_meta or bool(ahead[name].isfinite().all()):
+            ahead = _entry(state, name)
+            # A sum first, which is faster; one of finite numbers may be infinite.
+            if ahead.is_meta or math.isfinite(ahead.sum()) or bool(ahead.isfinite().all()):
                 continue
             seen: dict[str, Any] = {}
             for key, value in inputs.items():
@@ -187,3 +187,13 @@ class Snapshots(Memory):
             with torch.no_grad():
                 for name, value in numbers.items():
                     own[name].copy_(value)
+
+
+def _entry(state: Any, name: str) -> Tensor:
+    """A tensor of a state by its name in the flat form."""
+    while not isinstance(state, Tensor):
+        if isinstance(state, dict):
+            return state[name]
+        head, _, name = name.partition(".")
+        state = getattr(state, head)
+    return state
