@@ -110,7 +110,7 @@ class Snapshots(Memory):
         if torch.compiler.is_compiling() or torch.jit.is_tracing():
             return
         for name in self._keeps:
-            ahead = _entry(state, name)
+            ahead = _entry(state, name).detach()
             # A sum first, which is faster; one of finite numbers may be infinite.
             if ahead.is_meta or math.isfinite(ahead.sum()) or bool(ahead.isfinite().all()):
                 continue

@@ -112,6 +112,19 @@ def test_the_bad_input_is_named():
     learner(on, on, one)
 
 
+def test_what_would_grow_beyond_all_numbers_is_refused_and_large_numbers_are_not():
+    values, zero, one = HebbianQ(2), torch.tensor(0.0), torch.tensor(1.0)
+    values.weights.fill_(3e38)
+    assert values.weights.sum().isinf()
+    values(torch.zeros(2, 2), torch.ones(2, 2), zero, one)
+    held = values.snapshot()
+    with pytest.raises(ValueError, match="weights would grow beyond all numbers"):
+        values(torch.zeros(2, 2), torch.full((2, 2), 3e38), zero, torch.tensor(3e38))
+    assert_same(values.snapshot(), held)
+    wanted = one.clone().requires_grad_()
+    values(torch.zeros(2, 2), torch.ones(2, 2), zero, wanted)  # without a warning
+
+
 # Checkpoints
 
 
