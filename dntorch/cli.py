@@ -2,9 +2,12 @@
 
 import sys
 
+from dntorch.process import open_streams
+
 
 def main() -> None:
     """Entry point: errors of the user are one line on standard error and exit code 2."""
+    open_streams()
     try:
         from dntorch.commands import dntorch
     except ImportError as error:

@@ -96,7 +96,11 @@ def write_plumbing(cls: type, state: Any) -> None:
     """All that moves, names and averages a state of this type."""
     open_names = get_origin(state) is dict
     bodies = _open_bodies() if open_names else _bodies(fields(state), cls.lasting)
-    bodies["set"] = ["self.write(state)"]
+    bodies["set"] = [
+        "if not torch.jit.is_scripting():",
+        "    self._require_state(state)",
+        "self.write(state)",
+    ]
     bodies["forget"] = [f"self.{name}.zero_()" for name in cls.lasting] + bodies["forget"]
     source = ""
     for name, head in HEADS.items():
@@ -105,7 +109,9 @@ def write_plumbing(cls: type, state: Any) -> None:
             source += "\n".join([DECORATORS.get(name, ""), f"def {head}:", *lines, ""])
     functions = (overwrite, remember, halfway, halfway_each, beneath, within)
     add_methods(
-        cls, source, {"State": state, "Tensor": Tensor} | {f.__name__: f for f in functions}
+        cls,
+        source,
+        {"torch": torch, "State": state, "Tensor": Tensor} | {f.__name__: f for f in functions},
     )
 
 
@@ -166,11 +172,19 @@ def write_steps(cls: type) -> None:
         add_methods(cls, source, names)
     if "step" in cls.__dict__ and _may_write(cls, "forward"):
         takes, names, inputs = _inputs(cls.step)
+        names["torch"] = torch
+        named = "".join(f"'{name.strip()}': {name}, " for name in inputs.split(",")[:-1])
         names["Output"] = (get_args(_hints(cls.step).get("return")) or (Tensor,))[0]
         source = (
             f"def forward(self, {takes.removesuffix(', ')}) -> Output:\n"
-            f"    output, state = self.step({inputs}self.state)\n"
-            "    self.write(state)\n"
+            "    held_ = self.state\n"
+            f"    output, state = self.step({inputs}held_)\n"
+            "    if torch.jit.is_scripting():\n"
+            "        self.write(state)\n"
+            "    else:\n"
+            "        if self._keeps:\n"
+            f"            self._require_finite(held_, state, {{{named}}})\n"
+            "        self._go_on(held_, state)\n"
             "    return output\n"
         )
         add_methods(cls, source, names)

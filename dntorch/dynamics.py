@@ -17,8 +17,8 @@ from torch import Tensor, nn
 
 from dntorch import declare
 from dntorch.checks import check_count
-from dntorch.memory import Memory
 from dntorch.parameters import check_batch, outside_inference
+from dntorch.snapshots import Snapshots
 
 S = TypeVar("S")
 
@@ -34,7 +34,7 @@ class _Complete(type):
             return structure
 
 
-class Dynamics(Memory, Generic[S], metaclass=_Complete):
+class Dynamics(Snapshots, Generic[S], metaclass=_Complete):
     """Base of all structures. A subclass declares its state, and writes what is its own::
 
         class NodeState(NamedTuple):
@@ -83,7 +83,8 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
     all other attributes are free, for tools that hang something on modules.
 
     **Long-term memory** is any persistent buffer; ``lasting`` names it, and counts. It outlives
-    ``reset``, and ``spread``, ``select`` and ``forget`` follow the parts.
+    ``reset``, and ``spread``, ``select`` and ``forget`` follow the parts. ``forward`` refuses
+    inputs that would make it NaN or infinite; ``step`` is pure and looks at nothing.
 
     Attributes:
         dt: duration of one step, in seconds; that of all parts (``dt / substeps`` of a structure
@@ -128,6 +129,7 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
         self._note_memory()
         self._ready = True
         self.resize(*self._own_batch())
+        self._keeps = [] if self.mends else sorted(self._learned() & self.flat(self.state).keys())
 
     def _check_declaration(self) -> None:
         """Raise unless the class has all that a structure needs, and each part one place."""
@@ -182,39 +184,6 @@ class Dynamics(Memory, Generic[S], metaclass=_Complete):
         return self
 
     # ------------------------------------------------------------- copies
-
-    @torch.jit.unused
-    def snapshot(self) -> dict[str, Tensor]:
-        """Copies of all buffers and parameters by name, for an exact resume."""
-        return {name: tensor.detach().clone() for name, tensor in self._tensors().items()}
-
-    @torch.jit.unused
-    def restore(self, snapshot: dict[str, Tensor]) -> None:
-        """Go on from a `snapshot` of a structure that was built alike and has the same batch."""
-        held = self._tensors()
-        for name in held.keys() | snapshot.keys():
-            ours, theirs = held.get(name), snapshot.get(name)
-            if ours is None or theirs is None or ours.shape != theirs.shape:
-                raise ValueError(
-                    f"the snapshot is of another architecture: {name} is "
-                    f"{'missing' if theirs is None else list(theirs.shape)} there and "
-                    f"{'missing' if ours is None else list(ours.shape)} here; build the structure "
-                    "with the arguments and the version of dntorch it was saved with"
-                )
-        before = self.snapshot()
-        with torch.no_grad():
-            for name, tensor in held.items():
-                tensor.copy_(snapshot[name])
-            try:
-                for part in self._structures():
-                    part._accept()
-            except Exception:
-                for name, tensor in held.items():
-                    tensor.copy_(before[name])
-                raise
-
-    def _tensors(self) -> dict[str, Tensor]:
-        return dict([*self.named_buffers(), *self.named_parameters()])
 
     def register_buffer(self, name: str, tensor: Tensor | None, persistent: bool = True) -> None:
         super().register_buffer(name, outside_inference(tensor), persistent)

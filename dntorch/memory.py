@@ -32,7 +32,7 @@ class Memory(Parameters):
         for size in batch:
             check_count("batch", size, 0)
         check_batch(self, list(batch))
-        spread = [(part, name, part._spread(name, batch)) for part, name in _memories(self)]
+        spread = [(part, name, part._spread(name, batch)) for _, part, name in memories(self)]
         for part, name, memory in spread:
             part.register_buffer(name, memory)
         return self.resize(*batch)
@@ -109,13 +109,15 @@ class Memory(Parameters):
             return super()._apply(fn, recurse)
 
 
-def _memories(structure: Memory) -> list[tuple[Memory, str]]:
-    return [(part, name) for part in structure._structures() for name in part._memory()]
+def memories(structure: Memory) -> list[tuple[str, Memory, str]]:
+    """Long-term memory in all parts: path of the part, the part, name of its buffer."""
+    parts = [(path, x) for path, x in structure.named_modules() if isinstance(x, Memory)]
+    return [(path, part, name) for path, part in parts for name in part._memory()]
 
 
 def _refuse_coarse_memory(structure: Memory, dtype: torch.dtype) -> None:
-    if dtype in (torch.float16, torch.bfloat16) and _memories(structure):
-        _, name = _memories(structure)[0]
+    if dtype in (torch.float16, torch.bfloat16) and memories(structure):
+        _, _, name = memories(structure)[0]
         raise ValueError(
             f"dtype={dtype} is too coarse for {name}: learned values would stand still, since "
             "what a step adds is rounded away; keep float32 or float64"

@@ -51,6 +51,9 @@ class Parameters(nn.Module):
         ready = self.__dict__.get("_ready", False)
         if argument is None or isinstance(getattr(type(self), name, None), property):
             own = name.startswith("_") or hasattr(type(self), name)  # such as ``state``
+            if ready and argument is None and self._is_part(name):
+                self._exchange(name, value)
+                return
             if ready and argument is None and not own:
                 self._refuse_misspelling(name)
             super().__setattr__(name, value)
@@ -71,6 +74,10 @@ class Parameters(nn.Module):
                 f"{name}={value} can't be set: {name} is fixed when a {type(self).__name__} is "
                 "built; build another one"
             )
+        self._try(name, value, before)
+
+    def _try(self, name: str, value: Any, before: Any) -> None:
+        part = isinstance(value, nn.Module)
         try:
             self._place(name, value)
             self._accept()
@@ -81,6 +88,32 @@ class Parameters(nn.Module):
             if part and isinstance(before, Parameters):
                 before.resize(*self.origin.shape)
             raise
+
+    def _is_part(self, name: str) -> bool:
+        """Whether a structure, or what holds structures, was built in under a name."""
+        held = self.__dict__["_modules"].get(name)
+        return held is not None and any(isinstance(x, Parameters) for x in held.modules())
+
+    def _exchange(self, name: str, value: Any) -> None:
+        """Replace a part that is no argument by one of its kind and size."""
+        before = self._modules[name]
+        if not isinstance(before, Parameters):
+            raise ValueError(
+                f"{name} can't be set: it is fixed when a {type(self).__name__} is built; build "
+                "another one"
+            )
+        if not isinstance(value, type(before)):
+            raise TypeError(f"{name}={value!r} is no {type(before).__name__}: give one")
+        sizes = [
+            {k: list(x.shape) for k, x in part.flat(part.initial([])).items()}
+            for part in (before, value.select(0) if value.origin.dim() else value)
+        ]
+        if sizes[0] != sizes[1]:
+            raise ValueError(
+                f"{name} has a state of shapes {sizes[1]}, the {type(self).__name__} was built for "
+                f"{sizes[0]}: give one of the same size"
+            )
+        self._try(name, value, before)
 
     def _accept(self) -> None:
         """Raise unless all numbers are finite, for this batch, and fit each other."""

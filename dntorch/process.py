@@ -5,10 +5,14 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+STREAMS = {"stdin": "r", "stdout": "w", "stderr": "w"}
+"""Names in ``sys`` and modes, in the order of their descriptors, 0 to 2."""
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -23,6 +27,26 @@ def settle(threads: int = 1) -> None:
 
     torch.set_flush_denormal(True)
     torch.set_num_threads(threads)
+
+
+def occupy_streams() -> None:
+    """Put the null device in place of each standard stream that was closed before the start.
+
+    Or the next file that is opened takes its number, and what C code prints goes into it.
+    """
+    for number in range(len(STREAMS)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # gets the lowest free number
+
+
+def open_streams() -> None:
+    """The same, and ``sys`` has all three: what is printed to one that is None goes astray."""
+    occupy_streams()
+    for number, (name, mode) in enumerate(STREAMS.items()):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, closefd=False))
 
 
 def end_when_asked() -> None:

@@ -62,3 +62,13 @@ def shown(value: Any, longest: int = 60) -> str:
     except ValueError:  # whole numbers of more than 4300 digits
         return "a number too large to print"
     return text if len(text) <= longest else text[:longest] + "..."
+
+
+def per_second(dt: float) -> float:
+    """How many steps of ``dt`` seconds are in a second, as a whole number where it is one.
+
+    >>> per_second(1 / 32), per_second(0.1), per_second(0.15)
+    (32, 10, 6.666666666666667)
+    """
+    rate = 1 / dt
+    return round(rate) if math.isclose(rate, round(rate), rel_tol=1e-9) else rate

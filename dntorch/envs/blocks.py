@@ -20,7 +20,7 @@ from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole, shuffled
 from dntorch.envs.pose import Pose
 from dntorch.envs.senses import SENSES
 from dntorch.envs.task import SequenceTask, TaskState
-from dntorch.quantities import check_quantities
+from dntorch.quantities import check_quantities, per_second
 
 
 class BlocksEnv(gymnasium.Env):
@@ -69,7 +69,7 @@ class BlocksEnv(gymnasium.Env):
         ValueError: an argument that makes no world; the sentence says what to give.
     """
 
-    metadata: ClassVar = {"render_modes": ["rgb_array"], "render_fps": 32}
+    metadata: ClassVar = {"render_modes": ["rgb_array"]}
     _drive: Drive
 
     def __init__(
@@ -92,6 +92,7 @@ class BlocksEnv(gymnasium.Env):
         self.observation_space = sensors.observation_space(body, senses)
         self.task, self.ring, self.body, self.light = task, ring, body, light
         self.layout_seed = layout_seed
+        self.metadata = {**self.metadata, "render_fps": per_second(task.dt)}
         self.render_mode, self.max_seconds = render_mode, max_seconds
         self.judge = Judge(tolerance, dwell, dwell_rate, task.dt)
         # A snapshot may go on in an env that is sensed, drawn or cut off differently.

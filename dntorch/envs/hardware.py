@@ -14,7 +14,7 @@ from dntorch.colors import PAPER, SEQUENCE, check_colors
 from dntorch.envs.senses import PROXIMITY_TABLE, SENSES
 from dntorch.envs.sensors import observation_space
 from dntorch.envs.task import NOTHING, REWARD, REWARD_DURATION, SequenceTask
-from dntorch.quantities import check_quantities
+from dntorch.quantities import check_quantities, per_second
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.contract import Frame, Robot
@@ -86,6 +86,7 @@ class HardwareEnv(gymnasium.Env):
         patience: float = 10.0,
     ) -> None:
         check_quantities(dt=dt, patience=patience)
+        self.metadata = {**self.metadata, "render_fps": per_second(dt)}
         self.colors, self.dt, self.body, self.patience = check_colors(colors), dt, body, patience
         self.clock, self.calibration = clock or RealClock(), calibration or Calibration()
         self.guard = Guard(robot, self.clock, limits or Limits(speed=body.speed_cap))

@@ -9,6 +9,7 @@ from types import ModuleType
 import numpy as np
 
 from dntorch.envs.layout import SHAPES, Light, Ring
+from dntorch.process import occupy_streams
 
 FLOOR_GRAY = (0.5, 0.5, 0.5, 1.0)
 
@@ -17,6 +18,7 @@ def load_pybullet() -> ModuleType:
     """Import PyBullet without its banner, which C code writes to standard error."""
     if sys.modules.get("pybullet"):
         return sys.modules["pybullet"]
+    occupy_streams()  # it may print at any time
     saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(null, 2)

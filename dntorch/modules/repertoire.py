@@ -1,6 +1,8 @@
 """Several kinds of behaviour in one body."""
 
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -8,6 +10,22 @@ from torch import Tensor, nn
 from dntorch.checks import check_ends
 from dntorch.modules.sensorimotor import Sensorimotor
 from dntorch.plumbing import within
+
+
+class Parts(nn.ModuleList):
+    """The parts of one body, which was built for just these: none is added, replaced or removed."""
+
+    def __init__(self, parts: Iterable[Sensorimotor]) -> None:
+        super().__init__()
+        for k, part in enumerate(parts):
+            nn.Module.add_module(self, str(k), part)
+
+    def _refuse(self, *_: Any, **__: Any) -> Any:
+        raise ValueError(
+            "parts are fixed when a Repertoire is built: build another Repertoire(*parts)"
+        )
+
+    __setitem__ = __delitem__ = __iadd__ = add_module = append = extend = insert = pop = _refuse
 
 
 class Repertoire(Sensorimotor[dict[str, Tensor]]):
@@ -59,7 +77,7 @@ class Repertoire(Sensorimotor[dict[str, Tensor]]):
             raise ValueError("parts=(): give at least one sensorimotor part")
         fastest = min(part.max_speed for part in parts)
         super().__init__(parts[0].dt, min(fastest, max_speed))
-        self.parts = nn.ModuleList(parts)
+        self.parts = Parts(parts)
         self.n = sum(part.n for part in parts)
         self.senses = tuple(dict.fromkeys(name for part in parts for name in part.senses))
 
@@ -73,6 +91,8 @@ class Repertoire(Sensorimotor[dict[str, Tensor]]):
 
     @state.setter
     def state(self, state: dict[str, Tensor]) -> None:
+        if not torch.jit.is_scripting():
+            self._require_state(state)
         self.write(state)
 
     def write(self, state: dict[str, Tensor]) -> None:

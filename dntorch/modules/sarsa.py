@@ -86,6 +86,7 @@ class DNSarsa(Dynamics[AgentState]):
 
     __jit_unused_properties__ = ("senses",)
     lasting = ("decisions", "ignored")
+    mends = True
     decisions: Tensor
     ignored: Tensor
 

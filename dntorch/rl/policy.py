@@ -1,18 +1,20 @@
 """A policy for TorchRL made from the agent; it learns on line in its own forward."""
 
 from contextlib import nullcontext
+from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 from torch.utils import _pytree as pytree
-from torchrl.data import Composite, Unbounded
 
 from dntorch.cells.functions import finite
 from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
-from dntorch.rl.state import StateBuffers, pack, unpack
+from dntorch.rl.buffers import StateBuffers
+from dntorch.rl.form import check_agent, check_form, spec_of, written
+from dntorch.rl.state import pack, unpack
 from dntorch.rl.transforms import AgentPrimer
 
 
@@ -44,6 +46,10 @@ class AgentPolicy(TensorDictModuleBase):
       ``policy.agent`` stays as it is. For collectors that share or send policies. The env
       needs ``policy.primer()``; ``policy.adopt(batch)`` gives the agent what was learned.
 
+    ``policy.agent = other``, or a part of it replaced, acts and learns from the next step on, if it
+    has the same senses and shapes. With the state in the tensordict it is refused: there the
+    values of the other would not count.
+
     Args:
         agent: a `DNSarsa`, with a batch if the env has one (then with values of its own for
             each: call ``agent.spread(*batch)``).
@@ -52,7 +58,9 @@ class AgentPolicy(TensorDictModuleBase):
         carried: keep the state in the tensordict.
 
     Raises:
-        ValueError: ``explore`` without ``exploration``; values that a batch would share.
+        TypeError: an agent that is no `DNSarsa`.
+        ValueError: ``explore`` without ``exploration``; values that a batch would share; an agent
+            that no longer fits.
         RuntimeError: on a step, when buffers that hold state lie in shared memory.
         KeyError: on a step, when the tensordict lacks a key.
     """
@@ -65,45 +73,43 @@ class AgentPolicy(TensorDictModuleBase):
         carried: bool = False,
     ) -> None:
         super().__init__()
+        self.explore, self.exploration, self.carried = explore, exploration, carried
+        self._require_noise()
+        self.agent = agent
         batch = list(agent.origin.shape)
-        if explore and exploration is None:
-            raise ValueError(f"explore={explore} needs exploration=dntorch.Exploration(n, seed)")
-        if list(agent.weights.shape[:-2]) != batch:
-            raise ValueError(
-                f"an agent of batch {batch} with weights of batch {list(agent.weights.shape[:-2])}:"
-                " call agent.spread(*batch) to let each learn its own"
-            )
-        self.agent, self.explore, self.exploration = agent, explore, exploration
-        self.carried = carried
         self.register_buffer("steps", torch.zeros(batch, dtype=torch.int64), persistent=False)
-        self.buffers = StateBuffers(agent)
+        self.buffers = StateBuffers(self)
         self.in_keys = [*agent.senses, "last_reward", "is_init"]
-        self.spec = self._spec(batch)
+        self.spec = spec_of(agent)
         self.out_keys = list(self.spec.keys())
         if carried:
             kept = [(AgentPrimer.KEY, k) for k in [*self.buffers.names, "steps", "seed"]]
             self.in_keys += kept
             self.out_keys += [("next", key) for key in kept]
 
-    def _spec(self, batch: list[int]) -> Composite:
-        state = self.agent.initial(batch)
-        written = self._written(state, self.steps)
-        written["action"] = self.agent.output(state)
-        return Composite(
-            {k: Unbounded(v.shape, v.device, v.dtype) for k, v in written.items()}, shape=batch
-        )
+    # ------------------------------------------------------------- what may be set
 
-    def _written(self, state: AgentState, steps: Tensor) -> dict[str, Tensor]:
-        intention, satisfaction = self.agent.behaviors.output(state.behaviors)
-        learner = state.learner
-        return {
-            "intention": intention,
-            "satisfaction": satisfaction,
-            "trace": learner.trace.u,
-            "error": learner.opposition.error,
-            "weights": learner.values.weights,
-            "steps": steps,
-        }
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name == "agent":
+            check_agent(value)
+            if "agent" in self._modules:
+                self.require_form(value, replaced=True)
+        super().__setattr__(name, value)
+
+    def require_form(self, agent: DNSarsa, replaced: bool = False) -> None:
+        """Raise unless an agent can act and learn in this policy."""
+        if replaced and self.carried:
+            raise RuntimeError(
+                "agent or a part of it was replaced, but what it learned lies in the tensordict: "
+                "build another AgentPolicy and its primer()"
+            )
+        check_form(agent, self.in_keys[: self.in_keys.index("last_reward")], self.spec)
+
+    def _require_noise(self) -> None:
+        if self.explore and self.exploration is None:
+            raise ValueError(
+                f"explore={self.explore} needs exploration=dntorch.Exploration(n, seed)"
+            )
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         state, steps, seed = self._recall(tensordict)
@@ -119,24 +125,29 @@ class AgentPolicy(TensorDictModuleBase):
             action, state = self.agent.step(observation, reward, noise, state)
         steps = steps + 1
         self._remember(tensordict, state, steps, seed)
-        written = self._written(state, steps) | {"action": action}
-        for key, value in written.items():  # a new tensor each step, never a buffer
+        content = written(self.agent, state, steps) | {"action": action}
+        for key, value in content.items():  # a new tensor each step, never a buffer
             tensordict.set(key, value.clone() if value.is_inference() else value)
         return tensordict
 
     def _shown(self, tensordict: TensorDictBase, key: str) -> Tensor:
         value = tensordict.get(key, None)
         if value is None:
+            shown = sorted(str(name) for name in tensordict.keys())
             remedy = "make the env with wrap or transformed of dntorch.rl"
             if key in self.agent.senses:
-                remedy = "the agent reads it, so build the env with senses=agent.senses"
-            raise KeyError(f"the tensordict lacks {key!r}: {remedy}")
+                remedy = (
+                    "the agent reads it, so build the env with senses=agent.senses, or append "
+                    f"RenameTransform([name], [{key!r}]) to it"
+                )
+            raise KeyError(f"the tensordict lacks {key!r}: {remedy}; it has {shown}")
         return value
 
     def _noise(self, decisions: Tensor, steps: Tensor, seed: Tensor | None = None) -> Tensor:
         exploring, draws = steps < self.explore, self.exploration
         if not exploring.any():
             return torch.zeros_like(self.agent.weights)
+        self._require_noise()
         if seed is not None and not (seed == draws.seed).all():
             draws.seed = seed.clone()
         noise = draws(decisions, self.agent.weights.dtype)

@@ -1,5 +1,6 @@
 """What has to survive from one control step to the next, and over resets."""
 
+import weakref
 from typing import Any
 
 import torch
@@ -17,31 +18,49 @@ class LastReward(Transform):
     """Shows a policy that learns in its own forward the reward of the step before.
 
     Collectors hide the reward from the policy, and a reset replaces what the last step of an
-    episode brought, its reward included. Here it is stashed, and shown with the first
-    observation of the next episode, where `AgentPolicy` learns from it before it goes to rest;
-    0 at the very first.
+    episode brought, its reward included. Here it is kept until the policy has seen it: with the
+    first observation of the next episode, where `AgentPolicy` learns from it before it goes to
+    rest, however the episode ended; 0 at the very first. It is the reward that is recorded,
+    after all transforms, wherever among them this one stands.
     """
 
     KEY = "last_reward"
 
     def __init__(self) -> None:
         super().__init__()
-        self.register_buffer("terminal", None, persistent=False)
+        self.register_buffer("latest", None, persistent=False)
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
-        reward = next_tensordict.get("reward")
-        self.terminal = torch.where(next_tensordict.get("done"), reward, 0)
-        return next_tensordict.set(self.KEY, reward)
+        self.latest = next_tensordict.get("reward")
+        # A copy: a collector that is reset zeroes in place what it was about to show.
+        return next_tensordict.set(self.KEY, self.latest.clone())
+
+    def _post_step_mdp_hooks(
+        self, tensordict: TensorDictBase, tensordict_: TensorDictBase
+    ) -> tuple[TensorDictBase, TensorDictBase]:
+        reward = tensordict.get(("next", "reward"))
+        if reward is not self.latest:  # a transform behind this one changed it
+            self.latest = reward
+            tensordict.set(("next", self.KEY), reward)
+            tensordict_.set(self.KEY, reward.clone())
+        return tensordict, tensordict_
 
     def _reset(
         self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase
     ) -> TensorDictBase:
-        last = self.parent.full_reward_spec["reward"].zero()
-        return tensordict_reset.set(self.KEY, last if self.terminal is None else self.terminal)
+        if self.latest is None:
+            self.latest = self.parent.full_reward_spec["reward"].zero()
+        return tensordict_reset.set(self.KEY, self.latest.clone())
 
     def transform_observation_spec(self, observation_spec: Composite) -> Composite:
         observation_spec[self.KEY] = self.parent.full_reward_spec["reward"].clone()
         return observation_spec
+
+    def get_extra_state(self) -> dict[str, Tensor]:
+        return pack({} if self.latest is None else {"latest": self.latest})
+
+    def set_extra_state(self, state: dict[str, Tensor]) -> None:
+        self.latest = unpack(state).get("latest")
 
 
 class AgentPrimer(TensorDictPrimer):
@@ -65,7 +84,7 @@ class AgentPrimer(TensorDictPrimer):
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
         if self.KEY not in next_tensordict.keys():  # another policy took this step
             next_tensordict.set(self.KEY, tensordict.get(self.KEY))
-        self.latest = next_tensordict.get(self.KEY)
+        self.latest = next_tensordict.get(self.KEY).clone()  # which nobody zeroes in place
         return next_tensordict
 
     def _reset(
@@ -76,6 +95,12 @@ class AgentPrimer(TensorDictPrimer):
     def forget(self) -> None:
         """Begin again, at the next reset, with the state before the first step."""
         self.latest = self.begin
+
+    def get_extra_state(self) -> dict[str, Tensor]:
+        return pack(self.latest.to_dict())
+
+    def set_extra_state(self, state: dict[str, Tensor]) -> None:
+        self.latest = TensorDict(unpack(state), self.begin.batch_size, device=self.begin.device)
 
 
 class Report(Transform):
@@ -106,9 +131,9 @@ class Resumable(Transform):
     """Puts the world itself into the state of a collector, so that it resumes to the same numbers.
 
     ``collector.state_dict()`` holds policy and transforms, but no world. With this transform,
-    the last one, it also holds a snapshot of the world and what the policy is about to see;
-    after ``load_state_dict`` the collector goes on from there. (So TorchRL's ``StepCounter``
-    goes in front: ``env.insert_transform(0, StepCounter(...))``.)
+    anywhere among them, it also holds a snapshot of the world and what the policy is about to
+    see; after ``load_state_dict`` the collector goes on from there. Without a collector it is
+    the snapshot of the world alone.
 
     The world is an env with ``state_dict()`` and ``load_state_dict(state)``; in a `GymWrapper`
     the wrapped one. One without, a robot, is as it is: there the agent begins at rest with
@@ -117,47 +142,60 @@ class Resumable(Transform):
 
     def __init__(self) -> None:
         super().__init__()
-        self.shown: TensorDictBase | None = None
-        self.pending: dict[str, Any] | None = None
+        self._begun, self._registered = False, no_collector
 
-    def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
-        self.shown = next_tensordict
-        return next_tensordict
+    @property
+    def collector(self) -> Any:
+        """The collector that steps this env, or None."""
+        registered = None if self.container is None else self.container.collector
+        return self._registered() if registered is None else registered
+
+    def clone(self) -> "Resumable":
+        """What ``max_frames_per_traj`` does after the collector made itself known to the first."""
+        twin, collector = super().clone(), self.collector
+        twin._registered = no_collector if collector is None else weakref.ref(collector)
+        return twin
 
     def _reset(
         self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase
     ) -> TensorDictBase:
-        if self.pending is not None:
-            shown = self.pending["shown"]
-            if self.pending["world"] is None:
-                shown = shown.select(AgentPrimer.KEY, strict=False)
-            else:
-                world_of(self.parent).load_state_dict(self.pending["world"])
-            tensordict_reset.update(shown)
-            self.pending = None
-        mask = tensordict.get("_reset", None)
-        if mask is None or mask.all() or self.shown is None:
-            self.shown = tensordict_reset.copy()
-        else:
-            kept = self.shown.select(*tensordict_reset.keys(True, True))
-            self.shown = tensordict_reset.where(mask.squeeze(-1), kept)
+        self._begun = True
         return tensordict_reset
 
     def get_extra_state(self) -> dict[str, Tensor]:
-        if self.shown is None:
+        if not self._begun:
             return pack({})
-        save = getattr(world_of(self.parent), "state_dict", lambda: None)
-        return pack({"world": save(), "shown": self.shown.exclude("reward").to_dict()})
+        content: dict[str, Any] = {}
+        world, collector = world_of(self.parent), self.collector
+        if hasattr(world, "state_dict"):
+            content["world"] = world.state_dict()
+        if collector is not None:
+            content["shown"] = collector._carrier.select(*_shown(collector.env)).to_dict()
+        return pack(content)
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
-        content = unpack(state)
+        content, collector = unpack(state), self.collector
         if not content:
             return
-        shown = TensorDict(content["shown"], batch_size=self.parent.batch_size)
-        self.pending = {"world": content["world"], "shown": shown}
-        collector = self.collector
         if collector is not None:
-            collector.reset()  # which shows the policy what is pending
+            collector.reset()
+        if "world" in content:
+            world_of(self.parent).load_state_dict(content["world"])
+        if collector is not None and "shown" in content:
+            carrier = collector._carrier
+            shown = TensorDict(content["shown"], carrier.batch_size, device=carrier.device)
+            if "world" not in content:
+                shown = shown.select(AgentPrimer.KEY, strict=False)
+            carrier.update(shown)
+
+
+def no_collector() -> None:
+    """In place of a reference to a collector."""
+
+
+def _shown(env: EnvBase) -> list[Any]:
+    """What an env shows before a step: after all transforms, those that a collector adds too."""
+    return [*env.full_observation_spec.keys(True, True), *env.full_done_spec.keys(True, True)]
 
 
 def world_of(env: EnvBase) -> Any:

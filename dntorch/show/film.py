@@ -13,6 +13,7 @@ import torch
 from dntorch.envs.adaptor import GymWorld
 from dntorch.envs.task import NOTHING
 from dntorch.modules.sarsa import DNSarsa
+from dntorch.quantities import check_quantities, per_second
 from dntorch.runs.config import Config
 from dntorch.runs.worlds import WORLDS
 from dntorch.show.panels import SIZE, Moment, draw
@@ -26,15 +27,19 @@ def write_video(
     config: Config,
     path: Path,
     behaviors: int = 8,
-    fps: int = 8,
+    fps: float = 8,
     max_steps: int | None = None,
 ) -> Path:
     """Film a copy of ``agent``, from rest and without noise, in a fresh world, in real time.
+
+    ``fps`` is how many pictures per second there are about: one falls on each so many control
+    steps, and the film is as long as what happens in it.
 
     The agent itself is not touched; its copy learns on if the agent was learning. The film
     ends with the last of ``behaviors`` found colours, or after ``max_steps`` control steps.
 
     Raises:
+        ValueError: ``fps`` that is not positive and finite.
         RuntimeError: this OpenCV cannot write, or read again, WebM films (VP8).
     """
     actor, stride = copy.deepcopy(agent), stride_of(fps, config)
@@ -42,12 +47,13 @@ def write_video(
     return film(actor, config, _play(actor, config, behaviors, stride, steps), path, fps)
 
 
-def stride_of(fps: int, config: Config) -> int:
+def stride_of(fps: float, config: Config) -> int:
     """Control steps from one picture of a film in real time to the next."""
+    check_quantities(fps=fps)
     return max(1, round(1 / (fps * config.dt)))
 
 
-def film(agent: DNSarsa, config: Config, moments: Iterator[Moment], path: Path, fps: int) -> Path:
+def film(agent: DNSarsa, config: Config, moments: Iterator[Moment], path: Path, fps: float) -> Path:
     """Write a film of what an agent does: it is drawn as it is when each moment comes.
 
     Raises:
@@ -55,7 +61,8 @@ def film(agent: DNSarsa, config: Config, moments: Iterator[Moment], path: Path, 
     """
     path = Path(path)
     partial = path.with_name(f".{path.stem}.part.webm")
-    writer = cv2.VideoWriter(str(partial), cv2.VideoWriter.fourcc(*"VP80"), fps, SIZE)
+    pace = per_second(stride_of(fps, config) * config.dt)
+    writer = cv2.VideoWriter(str(partial), cv2.VideoWriter.fourcc(*"VP80"), pace, SIZE)
     try:
         if not writer.isOpened():
             raise RuntimeError(

@@ -21,7 +21,7 @@ class Reel:
         agent, config: that drive.
         glance: what the panel "outside" needs, at once: a pose, or an image.
         develop: makes an image of it, later.
-        fps: pictures/s.
+        fps: pictures/s, about, as in `write_video`.
         title: of the panel.
     """
 
@@ -31,7 +31,7 @@ class Reel:
         config: Config,
         glance: Callable[[], Any],
         develop: Callable[[Any], np.ndarray] = lambda image: image,
-        fps: int = 8,
+        fps: float = 8,
         title: str = "outside",
     ) -> None:
         self.agent, self.config, self.fps, self.title = agent, config, fps, title

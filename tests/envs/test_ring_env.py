@@ -5,6 +5,7 @@ import pickle
 import subprocess
 import sys
 import warnings
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -52,6 +53,22 @@ def test_gymnasium_checker_is_content():
         warnings.filterwarnings("ignore", message=".*symmetric and normalized space")
         env = gymnasium.make("dntorch:dntorch/Ring-v0", render_mode="rgb_array")
         check_env(env.unwrapped)
+        env.close()
+
+
+@pytest.mark.parametrize(("dt", "fps"), [(1 / 8, 8), (1 / 32, 32), (0.1, 10), (0.15, 20 / 3)])
+def test_pictures_per_second_are_steps_per_second(dt, fps):
+    import gymnasium
+
+    envs = [
+        gymnasium.make(
+            f"dntorch:dntorch/{name}-v0", task=SequenceTask(dt=dt), render_mode="rgb_array"
+        )
+        for name in ("Ring", "EPuck")[: 1 + bool(find_spec("pybullet"))]
+    ]
+    for env in envs:
+        assert env.metadata["render_fps"] == pytest.approx(fps)
+        assert env.unwrapped.metadata["render_modes"] == ["rgb_array"]
         env.close()
 
 

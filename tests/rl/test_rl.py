@@ -1,5 +1,6 @@
 """The agent as a TorchRL policy: the numbers of the plain loop, and nothing lost on the way."""
 
+import copy
 import pickle
 from pathlib import Path
 
@@ -8,11 +9,20 @@ import numpy as np
 import pytest
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torchrl.envs import EnvBase, StepCounter, check_env_specs
+from torchrl.envs import (
+    EnvBase,
+    GymWrapper,
+    InitTracker,
+    RenameTransform,
+    RewardScaling,
+    StepCounter,
+    TransformedEnv,
+    check_env_specs,
+)
 
-from dntorch import DNSarsa, Exploration, files
+from dntorch import DNSarsa, Exploration, FindColor, files
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.rl import AgentPolicy, AgentPrimer, wrap
+from dntorch.rl import AgentPolicy, AgentPrimer, LastReward, wrap
 from dntorch.runs.build import build_agent, build_exploration
 from dntorch.runs.collect import collected
 from dntorch.runs.config import Config
@@ -22,10 +32,10 @@ FORMS = pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tenso
 WORLD = pytest.mark.parametrize("world", ["nodes", "epuck"])
 
 
-def collector(env: EnvBase, policy: AgentPolicy, frames: int, total: int = -1):
+def collector(env: EnvBase, policy: AgentPolicy, frames: int, total: int = -1, **others):
     from torchrl.collectors import Collector
 
-    return Collector(env, policy, frames_per_batch=frames, total_frames=total)
+    return Collector(env, policy, frames_per_batch=frames, total_frames=total, **others)
 
 
 def build(config: Config, carried: bool = False) -> tuple[EnvBase, AgentPolicy]:
@@ -118,7 +128,7 @@ def test_a_batch_that_would_share_its_values_is_refused() -> None:
 
 
 class Bell(gymnasium.Env):
-    """Ends every third step; the reward is the number of the step, also of the last one."""
+    """Ends every third step, if it ends; the reward is the number of the step, always."""
 
     observation_space = gymnasium.spaces.Dict(
         {"match": gymnasium.spaces.Box(0, 1, (2,), np.float32)}
@@ -126,13 +136,16 @@ class Bell(gymnasium.Env):
     action_space = gymnasium.spaces.Box(0, 1, (2,), np.float32)
     count = 0
 
+    def __init__(self, ends=True):
+        self.ends = ends
+
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
         return {"match": np.zeros(2, np.float32)}, {}
 
     def step(self, action):
         self.count += 1
-        ended = self.count % 3 == 0
+        ended = self.ends and self.count % 3 == 0
         return {"match": np.zeros(2, np.float32)}, float(self.count), ended, False, {}
 
 
@@ -141,6 +154,46 @@ def test_the_policy_sees_every_reward_once_the_terminal_one_included() -> None:
     batch = next(iter(collector(wrap(Bell()), policy, 10)))
     assert batch["last_reward"][:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
     assert batch["is_init"][:, 0].tolist() == [k % 3 == 0 for k in range(10)]
+
+
+#: Ways to cut episodes: what is done to the env, arguments of the collector.
+CUTS = {
+    "appended": (lambda env, steps: env.append_transform(StepCounter(steps)), ()),
+    "inserted": (lambda env, steps: env.insert_transform(0, StepCounter(steps)), ()),
+    "wrapped": (lambda env, steps: TransformedEnv(env, StepCounter(steps)), ()),
+    "max_frames_per_traj": (lambda env, _: env, ("max_frames_per_traj",)),
+}
+cuts = pytest.mark.parametrize("cut", CUTS)
+unwrapped = pytest.mark.filterwarnings("ignore:Nested TransformedEnvs are automatically unwrapped")
+
+
+def cut_collector(cut: str, env: EnvBase, policy: AgentPolicy, steps: int, frames: int, **others):
+    change, names = CUTS[cut]
+    return collector(change(env, steps), policy, frames, **dict.fromkeys(names, steps), **others)
+
+
+@cuts
+@unwrapped
+def test_the_last_reward_of_an_episode_arrives_whoever_cuts_it(cut: str) -> None:
+    policy = AgentPolicy(DNSarsa(2))
+    batch = next(iter(cut_collector(cut, wrap(Bell(ends=False)), policy, 3, 10)))
+    assert batch["last_reward"][:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
+    assert batch["is_init"][:, 0].tolist() == [k % 3 == 0 for k in range(10)]
+
+
+def test_the_last_reward_arrives_when_the_collector_begins_each_batch_anew() -> None:
+    env, policy = wrap(Bell(ends=False)), AgentPolicy(DNSarsa(2))
+    made = iter(collector(env, policy, 4, reset_at_each_iter=True))
+    batches = torch.stack([next(made).clone() for _ in range(3)])
+    assert batches["last_reward"][..., 0].flatten().tolist() == list(range(12))
+    assert batches["is_init"][:, 0].all()
+
+
+def test_the_agent_sees_the_reward_as_it_is_recorded_whatever_changes_it() -> None:
+    env = wrap(Bell()).append_transform(RewardScaling(0.0, 2.0))
+    batch = next(iter(collector(env, AgentPolicy(DNSarsa(2)), 10)))
+    assert batch["last_reward"][:, 0].tolist() == [0, 2, 4, 6, 8, 10, 12, 14, 16, 18]
+    assert torch.equal(batch["next", "reward"], batch["next", "last_reward"])
 
 
 def test_a_terminal_reward_is_learned_with_the_trace_that_earned_it() -> None:
@@ -221,6 +274,142 @@ def test_a_shared_policy_whose_state_is_carried_works() -> None:
 def test_exploration_without_noise_is_refused() -> None:
     with pytest.raises(ValueError, match="explore=5 needs exploration"):
         AgentPolicy(DNSarsa(2), explore=5)
+    policy = AgentPolicy(DNSarsa(2))
+    policy.explore = 5
+    with pytest.raises(ValueError, match="explore=5 needs exploration"):
+        wrap(Bell()).rollout(2, policy)
+
+
+@pytest.mark.parametrize("agent", [5, None, DNSarsa, Exploration(2, 0)])
+def test_what_is_no_agent_is_refused(agent: object) -> None:
+    with pytest.raises(TypeError, match=r"agent is a \w+: give a DNSarsa"):
+        AgentPolicy(agent)
+
+
+class Other(Bell):
+    """The same observation under a name that no agent reads."""
+
+    observation_space = gymnasium.spaces.Dict(
+        {"vision": gymnasium.spaces.Box(0, 1, (2,), np.float32)}
+    )
+
+    def reset(self, **others):
+        return {"vision": super().reset(**others)[0]["match"]}, {}
+
+    def step(self, action):
+        seen, *rest = super().step(action)
+        return {"vision": seen["match"]}, *rest
+
+
+@FORMS
+@pytest.mark.parametrize(
+    ("env", "message"),
+    [
+        (lambda: wrap(Other()), r"lacks 'match': .*senses=agent.senses.*'vision'"),
+        (lambda: GymWrapper(Bell()), r"lacks '(is_init|last_reward)': .*wrap or transf"),
+        (
+            lambda: TransformedEnv(GymWrapper(Bell()), InitTracker()),
+            r"lacks 'last_reward': .*wrap or transformed of dntorch.rl",
+        ),
+        (
+            lambda: TransformedEnv(GymWrapper(Bell()), LastReward()),
+            r"lacks 'is_init': .*wrap or transformed of dntorch.rl",
+        ),
+    ],
+    ids=["key", "nothing", "no LastReward", "no InitTracker"],
+)
+def test_an_env_that_lacks_what_the_agent_reads_is_named(env, message, carried) -> None:
+    policy = AgentPolicy(DNSarsa(2), carried=carried)
+    made = env()
+    if carried:
+        made = TransformedEnv(made, policy.primer())
+    with pytest.raises(KeyError, match=message):
+        next(iter(collector(made, policy, 4, auto_register_policy_transforms=False)))
+
+
+def test_a_renamed_observation_is_read() -> None:
+    env = wrap(Other()).append_transform(RenameTransform(["vision"], ["match"]))
+    assert env.rollout(3, AgentPolicy(DNSarsa(2))).shape == (3,)
+
+
+# ------------------------------------------------------------------ another agent
+
+
+def taught(n: int = 2) -> DNSarsa:
+    """An agent that has learned and is in the middle of things."""
+    agent, generator = DNSarsa(n), torch.Generator().manual_seed(1)
+    with torch.no_grad():
+        agent.weights.uniform_(0, 1, generator=generator)
+    for _ in range(20):
+        agent({"match": torch.rand(n, generator=generator)}, torch.tensor(1.0), torch.zeros(n, n))
+    return agent
+
+
+def shown(n: int = 2, first: bool = False) -> TensorDict:
+    seen = {"match": torch.linspace(0, 1, n), "last_reward": torch.ones(1)}
+    return TensorDict(seen | {"is_init": torch.tensor([first])})
+
+
+REPLACED = {
+    "agent": lambda policy, other: setattr(policy, "agent", other),
+    "learner": lambda policy, other: setattr(policy.agent, "learner", other.learner),
+    "trace": lambda policy, other: setattr(policy.agent.learner, "trace", other.learner.trace),
+    "intention": lambda policy, other: setattr(
+        policy.agent.behaviors, "intention", other.behaviors.intention
+    ),
+    "value_nodes": lambda policy, other: setattr(policy.agent, "value_nodes", other.value_nodes),
+    "all": lambda policy, other: [
+        setattr(policy.agent, name, part) for name, part in list(other.named_children())
+    ],
+}
+
+
+@pytest.mark.parametrize("which", REPLACED)
+@pytest.mark.parametrize(
+    "copied",
+    [lambda p: p, copy.deepcopy, lambda p: pickle.loads(pickle.dumps(p))],
+    ids=["itself", "deepcopy", "pickle"],
+)
+def test_the_agent_that_was_put_in_place_acts_and_learns(which: str, copied) -> None:
+    policy = copied(AgentPolicy(DNSarsa(2)))
+    for k in range(5):
+        policy(shown(first=k == 0))
+    REPLACED[which](policy, taught())
+    alone = AgentPolicy(copy.deepcopy(policy.agent))
+    for _ in range(5):
+        ours, theirs = policy(shown()), alone(shown())
+        assert torch.equal(ours["action"], theirs["action"])
+    ours, theirs = policy.agent.snapshot(), alone.agent.snapshot()
+    assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
+    assert policy.steps == 10
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda p: setattr(p, "agent", DNSarsa(3)), r"intention of the agent is \[3\], .* \[2\]"),
+        (lambda p: setattr(p, "agent", DNSarsa(2, FindColor("GB"))), r"senses of the agent is"),
+        (lambda p: setattr(p, "agent", DNSarsa(2).spread(4)), r"is \[4.*build another AgentPo"),
+        (lambda p: p.agent.spread(4), r"is \[4.*build another AgentPolicy"),
+        (lambda p: setattr(p.agent, "sensorimotor", FindColor("GB")), r"senses of the agent is"),
+    ],
+)
+def test_an_agent_that_does_not_fit_the_policy_is_refused(change, message) -> None:
+    policy = AgentPolicy(DNSarsa(2))
+    policy(shown())
+    with pytest.raises(ValueError, match=message):
+        change(policy)
+        policy(shown())
+
+
+@pytest.mark.parametrize("which", REPLACED)
+def test_an_agent_whose_state_is_carried_is_not_replaced(which: str) -> None:
+    policy = AgentPolicy(DNSarsa(2), carried=True)
+    env = wrap(Bell(), policy.primer())
+    env.rollout(2, policy)
+    with pytest.raises(RuntimeError, match="replaced, but what it learned lies in the tensordict"):
+        REPLACED[which](policy, taught())
+        env.rollout(2, policy)
 
 
 # ------------------------------------------------------------------ checkpoints
@@ -247,6 +436,61 @@ def test_a_collector_resumes_to_the_same_numbers(world: str, carried: bool, tmp_
     rest = advance(second, 2)
     for name in ("action", "intention", "weights", "steps", "is_init", ("next", "found")):
         assert torch.equal(rest[name], whole[name][120:]), name
+
+
+@FORMS
+@pytest.mark.parametrize("cut", [*CUTS, "reset_at_each_iter"])
+@unwrapped
+def test_a_collector_resumes_to_the_same_numbers_whoever_cuts_episodes(
+    cut: str, carried: bool
+) -> None:
+    config = Config(world="nodes", steps=900, explore=600, seed=4, sequence="GB", colors="GB")
+
+    def build_cut():
+        env, policy = build(config, carried)
+        if cut == "reset_at_each_iter":
+            return collector(env, policy, 150, reset_at_each_iter=True)
+        return cut_collector(cut, env, policy, 110, 150)
+
+    whole = advance(build_cut(), 5)
+    first, second = build_cut(), build_cut()
+    advance(first, 3)
+    advance(second, 1)  # it may have lived before
+    second.load_state_dict(pickle.loads(pickle.dumps(first.state_dict())))
+    rest = advance(second, 2)
+    names = [*first.env.full_observation_spec.keys(True, True), "action", "weights", "steps"]
+    for name in [*names, ("next", "found"), ("next", "reward"), ("next", "done")]:
+        assert torch.equal(rest[name], whole[name][450:]), name
+    assert whole["is_init"].sum() > 4 and whole["match"].any()
+
+
+def test_a_reset_loses_nothing_that_is_carried_before_and_after_a_resume() -> None:
+    def made():
+        return collector(wrap(Bell(ends=False), policy.primer()), policy, 10)
+
+    policy = AgentPolicy(DNSarsa(2), carried=True)
+    with torch.no_grad():
+        policy.agent.weights.fill_(0.5)
+    first, second = made(), made()
+    advance(first, 2)
+    second.load_state_dict(first.state_dict())
+    for each in (first, second):
+        each.reset()
+        batch = advance(each, 1)
+        assert batch["weights"][0].min() > 0.4 and batch["steps"][0] == 21
+        assert batch["last_reward"][0] == 20 and batch["is_init"][0]
+
+
+def test_the_world_of_an_env_without_collector_is_saved_alone() -> None:
+    env, other = build(Config(world="nodes"))[0], build(Config(world="nodes"))[0]
+    other.load_state_dict(env.state_dict())  # nothing has begun yet
+    shown = env.rollout(20)[-1]["next"]
+    other.reset()
+    other.load_state_dict(env.state_dict())
+    action = torch.tensor([1.0, 0.0, 0.0, 0.0])
+    one, two = (each.step(shown.clone().set("action", action)) for each in (env, other))
+    assert torch.equal(one["next", "match"], two["next", "match"])
+    assert torch.equal(env.base_env.state.sought, other.base_env.state.sought)
 
 
 def staggered(config: Config, carried: bool):

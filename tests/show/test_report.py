@@ -188,6 +188,27 @@ def test_a_film_ends_after_its_behaviours(tmp_path, monkeypatch):
     assert 2 < len(frames(path)) <= video.STEPS_EACH / 16 + 1
 
 
+@pytest.mark.parametrize(("dt", "fps"), [(0.05, 8), (0.1, 8), (0.08, 25), (1 / 32, 8)])
+def test_a_film_is_as_long_as_what_happens_in_it(dt, fps, tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    video = pytest.importorskip("dntorch.show.film")
+    config = Config(world="ring", steps=100, explore=0, dt=dt)
+    path = video.write_video(build_agent(config), config, tmp_path / "v.webm", 8, fps, 40)
+    reader = cv2.VideoCapture(str(path))
+    shown = reader.get(cv2.CAP_PROP_FRAME_COUNT) / reader.get(cv2.CAP_PROP_FPS)
+    stride = video.stride_of(fps, config)
+    assert shown == pytest.approx(-(-40 // stride) * stride * dt, rel=0.02)
+
+
+@pytest.mark.parametrize("fps", [0, -8, float("nan"), float("inf")])
+def test_a_film_without_a_pace_is_refused(fps, tmp_path):
+    video = pytest.importorskip("dntorch.show.film")
+    config = Config(world="ring", steps=100, explore=0)
+    with pytest.raises(ValueError, match=f"fps={fps} is not positive and finite"):
+        video.write_video(build_agent(config), config, tmp_path / "v.webm", fps=fps)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_film_that_cannot_be_written_is_an_error(tmp_path):
     video = pytest.importorskip("dntorch.show.film")
     config = Config(steps=100, explore=0)
