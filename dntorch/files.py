@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import torch
 
+from dntorch.lock import PART
 from dntorch.packing import pack, unpack
 
 FORMAT = 3
@@ -62,9 +63,7 @@ def write_atomically(
     """
     temporary = None
     try:
-        handle, temporary = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.name}.", suffix=".part"
-        )
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PART)
         os.chmod(temporary, 0o666 & ~UMASK)  # as other files; mkstemp makes private ones
         with os.fdopen(handle, "wb") as file:
             sink = Sink(file)
@@ -92,12 +91,6 @@ def _keep(path: Path, before: Path) -> None:
         os.link(path, before)
     except OSError:  # a file system without links
         shutil.copyfile(path, before)
-
-
-def clear_leftovers(folder: Path) -> None:
-    """Remove what writers that were killed left behind, in a folder that nobody writes to."""
-    for leftover in folder.glob(".*.part"):
-        leftover.unlink(missing_ok=True)
 
 
 # ------------------------------------------------------------------ checkpoints
