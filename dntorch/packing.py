@@ -56,7 +56,9 @@ def _pack(value: Any, path: str) -> Any:
         return {key: _pack(one, _below(path, key)) for key, one in value.items()}
     if type(value) in (list, tuple):
         return type(value)([_pack(one, f"{path}[{k}]") for k, one in enumerate(value)])
-    if type(value) in TENSORS or (type(value) in PLAIN and _is_readable(value)):
+    if type(value) in PLAIN and not _is_readable(value):
+        raise ValueError(f"{path} has {BITS} bits or more, or is no Unicode: give it as bytes")
+    if type(value) in TENSORS + PLAIN:
         return value
     raise ValueError(f"{path} is a {type(value).__name__}: {ALLOWED}")
 
