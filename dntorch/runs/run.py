@@ -146,6 +146,8 @@ class Run:
             self.agent.restore(content["agent"])
             moment = self.engine.moment
             observation, reward = content["seen"]
+            if _form((observation, reward)) != _form((moment.observation, moment.reward)):
+                raise TypeError("the agent has seen something else")
             self.engine.restore(
                 moment._replace(
                     step=torch.full_like(moment.step, content["step"]),
@@ -198,14 +200,19 @@ def load_trained(path: Path) -> tuple[DNSarsa, Config]:
     return agent, config
 
 
+def _form(tensors: Any) -> tuple:
+    leaves, structure = pytree.tree_flatten(tensors)
+    return structure, [(leaf.shape, leaf.dtype) for leaf in leaves]
+
+
 @contextmanager
 def _fitting(path: Path) -> Iterator[None]:
     """Say of a checkpoint whose content is not what is read here that it is of another version."""
     try:
         yield
-    except ValueError:  # says itself what is wrong
-        raise
     except Exception as error:
+        if isinstance(error, ValueError) and "\n" not in str(error):
+            raise  # says itself what is wrong
         reason = f"{type(error).__name__}: {error}".splitlines()[0]
         raise ValueError(
             f"{path} is of another version of dntorch ({reason}): use that version, or begin a "

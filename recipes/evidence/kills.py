@@ -94,6 +94,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/kills"), help="an empty folder")
     a = parser.parse_args()
 
+    for number in (signal.SIGINT, signal.SIGHUP):  # ignored in the background and under nohup
+        signal.signal(number, signal.SIG_DFL)
     chance, failed = random.Random(0), 0
     steps = LIFE * (a.kills + 1)
     for world in a.worlds:

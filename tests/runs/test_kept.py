@@ -1,11 +1,14 @@
 """What a run has saved stays: with others in its folder, on a full disk, without its terminal."""
 
+import fcntl
 import json
 import os
 import resource
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 
@@ -137,15 +140,17 @@ def test_workers_of_a_killed_sweep_end_with_it(tmp_path: Path) -> None:
 
 def test_a_closed_terminal_ends_a_run_that_has_saved(tmp_path: Path) -> None:
     out, (ours, theirs) = tmp_path / "run", os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     with subprocess.Popen(
         command("learn", *LONG, "--out", out),
         stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True,
-        preexec_fn=lambda: __import__("fcntl").ioctl(0, __import__("termios").TIOCSCTTY, 0),
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
     ) as process:  # fmt: skip
         os.close(theirs)
         try:
-            while b"behaviors=" not in os.read(ours, 4096):
-                pass
+            written = b""
+            while b"behaviors=" not in written:  # the run has begun
+                written += os.read(ours, 4096)
             os.close(ours)
             process.wait(timeout=WAIT)
         finally:
