@@ -1,6 +1,7 @@
 """The agent as a TorchRL policy: the numbers of the plain loop, and nothing lost on the way."""
 
 import pickle
+from collections import deque
 from pathlib import Path
 
 import gymnasium
@@ -13,6 +14,7 @@ from torchrl.envs import EnvBase, StepCounter, check_env_specs
 from dntorch import DNSarsa, Exploration, files
 from dntorch.cells.working_memory import WorkingMemoryState
 from dntorch.rl import AgentPolicy, AgentPrimer, wrap
+from dntorch.rl.transforms import world_of
 from dntorch.runs.build import build_agent, build_exploration
 from dntorch.runs.collect import collected
 from dntorch.runs.config import Config
@@ -247,6 +249,18 @@ def test_a_collector_resumes_to_the_same_numbers(world: str, carried: bool, tmp_
     rest = advance(second, 2)
     for name in ("action", "intention", "weights", "steps", "is_init", ("next", "found")):
         assert torch.equal(rest[name], whole[name][120:]), name
+
+
+@WORLD
+def test_a_world_that_could_not_be_loaded_again_is_refused_at_the_save(world: str) -> None:
+    made = collector(*build(Config(world=world)), 10)
+    advance(made, 1)
+    base = world_of(made.env)
+    state_dict = base.state_dict
+    base.state_dict = lambda: state_dict() | {"extra": deque([1])}
+    with pytest.raises(ValueError, match=r"world\.extra is a deque: give numbers"):
+        made.state_dict()
+    made.shutdown()
 
 
 def staggered(config: Config, carried: bool):
