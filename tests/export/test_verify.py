@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 import pickle
+import resource
 import shutil
 import subprocess
 import sys
@@ -393,3 +394,15 @@ def test_a_program_that_ends_its_process_fails(copy, monkeypatch, capfd) -> None
     monkeypatch.setitem(verify.__globals__, "checking_program", lambda: killed)
     assert not verify(copy)
     assert "ended its process with signal 9: do not use it" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("size", [1000, 12_000, 30_000])
+def test_an_export_to_a_full_disk_is_one_sentence(size, tmp_path) -> None:
+    rows, (_, most) = [(torch.rand(3),)] * 20, resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, most))  # the error of a full disk
+    try:
+        with pytest.raises(OSError, match=r"^\S+ cannot be written \(File too large\): make room"):
+            export_structure(dntorch.NodeWTA(3), tmp_path, rows, ["torchscript", "export"])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+    assert not [*tmp_path.glob(".*")] and not (tmp_path / "manifest.json").exists()
