@@ -286,7 +286,8 @@ def test_a_checkpoint_with_other_content_is_one_sentence(name: str, tmp_path: Pa
     with pytest.raises(ValueError) as raised:
         Trial.load(tmp_path / "c.pt")
     assert "\n" not in str(raised.value)
-    assert ": use that version" in str(raised.value) or "build the structure" in str(raised.value)
+    words = ("of another version of dntorch", "build the structure")
+    assert any(text in str(raised.value) for text in words), raised.value
 
 
 def test_an_event_log_of_a_batch_goes_through_a_file(tmp_path: Path) -> None:
