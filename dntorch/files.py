@@ -1,8 +1,11 @@
-"""Files that are whole or absent: checkpoints of tensors and arrays, and results as JSON."""
+"""Files that are whole or absent: checkpoints with a checksum, and results as JSON."""
 
+import hashlib
+import io
 import json
 import os
-import pickle
+import re
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -11,33 +14,107 @@ from typing import Any, BinaryIO
 import numpy as np
 import torch
 
-FORMAT = 2
+from dntorch.lock import PART
+from dntorch.packing import pack, unpack
+
+FORMAT = 3
 UMASK = os.umask(0o077)
 os.umask(UMASK)
 
 
-def write_atomically(path: Path, write: Callable[[BinaryIO], None]) -> None:
+class Sink(io.RawIOBase):
+    """Where writers write to: it hashes what comes, and keeps the first error for later.
+
+    PyTorch and NumPy turn an error of the disk into one of their own, or into a traceback of a
+    destructor. Here what comes after the first error is dropped, and who opened the file raises.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.file, self.sha256 = file, hashlib.sha256()
+        self.error: OSError | None = None
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        if self.error is None:
+            try:
+                self.file.write(data)
+                self.sha256.update(data)
+            except OSError as error:
+                self.error = error
+        return memoryview(data).nbytes
+
+    def check(self) -> None:
+        if self.error is not None:
+            raise self.error
+
+
+def write_atomically(
+    path: Path, write: Callable[["Sink"], Any], before: Path | None = None
+) -> None:
     """Write a file under another name, flush it to disk, then give it its own.
 
-    Killed at any moment, ``path`` holds the old content or the new, never a part.
+    Killed at any moment, ``path`` holds the old content or the new, never a part; the old goes
+    to ``before``, if that is given.
+
+    Raises:
+        OSError: a full disk, say; ``path`` is as it was.
     """
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    temporary = None
     try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PART)
         os.chmod(temporary, 0o666 & ~UMASK)  # as other files; mkstemp makes private ones
         with os.fdopen(handle, "wb") as file:
-            write(file)
+            sink = Sink(file)
+            write(sink)
+            sink.check()
             file.flush()
             os.fsync(file.fileno())
+        if before is not None and path.exists():
+            _keep(path, before)
         os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+    except BaseException as error:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise OSError(
+                f"{path} cannot be written ({error.strerror or error}): make room, or name another "
+                "folder; what it held before is whole"
+            ) from error
         raise
 
 
+def _keep(path: Path, before: Path) -> None:
+    before.unlink(missing_ok=True)
+    try:
+        os.link(path, before)
+    except OSError:  # a file system without links
+        shutil.copyfile(path, before)
+
+
+# ------------------------------------------------------------------ checkpoints
+
+HEADER = "dntorch checkpoint, format {}, sha256 {}\n"
+BEGIN = re.compile(rb"dntorch checkpoint, format (\d+), sha256 ([0-9a-f]{64})\n")
+
+
+def before(path: Path) -> Path:
+    """Where the checkpoint lies that ``path`` held before its last save."""
+    return path.with_name(f"{path.stem}.before{path.suffix}")
+
+
 def save(path: Path, content: dict[str, Any]) -> None:
-    """Save numbers, strings, tensors, arrays and bytes in nested dicts and lists."""
-    plain = _map(content, _pack) | {"format": FORMAT}
-    write_atomically(path, lambda file: torch.save(plain, file))
+    """Save numbers, text, tensors, arrays and bytes in nested dicts, lists and tuples.
+
+    The checkpoint that was there is kept `before` it, in case the new one gets damaged.
+
+    Raises:
+        ValueError: something in it could not be loaded again; the sentence says where.
+        OSError: it cannot be written; the checkpoint that was there is whole.
+    """
+    packed = pack(content)
+    write_atomically(path, lambda sink: _write(sink, packed), before(path))
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -47,49 +124,66 @@ def load(path: Path) -> dict[str, Any]:
         ValueError: there is no checkpoint, or it is damaged or of another version.
     """
     try:
-        content = torch.load(path, weights_only=True, map_location="cpu")
+        with path.open("rb") as file:
+            return _read(file, path)
     except FileNotFoundError:
         raise ValueError(f"{path} does not exist: name a folder that holds a run") from None
-    except (OSError, EOFError, RuntimeError, pickle.UnpicklingError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ValueError(f"{path} is no readable checkpoint ({reason}): take another") from error
-    if not isinstance(content, dict) or "format" not in content:
-        raise ValueError(f"{path} is no checkpoint: take another")
-    if (format := content.pop("format")) != FORMAT:
+    except OSError as error:
+        raise _unreadable(path, error.strerror) from error
+
+
+def to_bytes(content: dict[str, Any]) -> bytes:
+    """A checkpoint that is sent somewhere, not written to a file."""
+    file = io.BytesIO()
+    _write(Sink(file), pack(content))
+    return file.getvalue()
+
+
+def from_bytes(data: bytes) -> dict[str, Any]:
+    """The content of `to_bytes`; raises as `load` does."""
+    return _read(io.BytesIO(data), None)
+
+
+def _write(sink: Sink, packed: dict[str, Any]) -> None:
+    sink.file.write(HEADER.format(FORMAT, "0" * 64).encode())
+    sink.sha256.update(str(FORMAT).encode())
+    torch.save(packed, sink)
+    sink.file.seek(0)
+    sink.file.write(HEADER.format(FORMAT, sink.sha256.hexdigest()).encode())
+
+
+def _read(file: BinaryIO, path: Path | None) -> dict[str, Any]:
+    begin = BEGIN.fullmatch(file.readline(200))
+    if begin is None:
+        raise _unreadable(path, "it is damaged, or of an earlier version")
+    start, sha256 = file.tell(), hashlib.sha256(begin[1])
+    while block := file.read(1 << 20):
+        sha256.update(block)
+    if sha256.hexdigest().encode() != begin[2]:
+        raise _unreadable(path, "it is damaged: its content is not what was saved")
+    if (format := int(begin[1])) != FORMAT:
         raise ValueError(
             f"{path} is of another version of dntorch, format {format} instead of {FORMAT}: use "
             "that version, or begin a new run"
         )
-    return _map(content, _unpack)
+    file.seek(start)
+    try:
+        return unpack(torch.load(file, weights_only=True, map_location="cpu"))
+    except Exception as error:  # written by something else: PyTorch has many words for that
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise _unreadable(path, reason) from error
 
 
-def _map(value: Any, leaf: Callable[[Any], Any]) -> Any:
-    packed = leaf(value)
-    if packed is not value:
-        return packed
-    if isinstance(value, dict):
-        return {k: _map(v, leaf) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return type(value)(_map(v, leaf) for v in value)
-    return value
-
-
-def _pack(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return {"__array__": torch.from_numpy(value.copy())}
-    if isinstance(value, (bytes, bytearray)):
-        return {"__bytes__": torch.frombuffer(bytearray(value), dtype=torch.uint8)}
-    if isinstance(value, np.generic):
-        return value.item()
-    return value
-
-
-def _unpack(value: Any) -> Any:
-    if isinstance(value, dict) and set(value) == {"__array__"}:
-        return value["__array__"].numpy()
-    if isinstance(value, dict) and set(value) == {"__bytes__"}:
-        return value["__bytes__"].numpy().tobytes()
-    return value
+def _unreadable(path: Path | None, reason: str | None) -> ValueError:
+    """The error of a file that is no checkpoint; it names the one before it, if that is whole."""
+    text = f"{path or 'the state'} is no readable checkpoint ({reason}): take another"
+    if path is not None and (former := before(path)).exists():
+        try:
+            load(former)
+        except ValueError:
+            return ValueError(text)
+        text += f", such as the one before it: rename {former} to {path.name}"
+    return ValueError(text)
 
 
 # ------------------------------------------------------------------ JSON

@@ -1,6 +1,7 @@
 """Settings of a process, requests to end it, and what it was built from."""
 
 import contextlib
+import multiprocessing
 import os
 import shutil
 import signal
@@ -8,23 +9,36 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
 STREAMS = {"stdin": "r", "stdout": "w", "stderr": "w"}
 """Names in ``sys`` and modes, in the order of their descriptors, 0 to 2."""
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = [
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+    if hasattr(signal, name)
+]
+"""Requests to end: Ctrl-C and Ctrl-\\, ``kill``, a closed terminal; Windows knows the first two."""
+
+FOLLOWING = "follows-parent"
 
 
 def settle(threads: int = 1) -> None:
     """Settings that every process of a run has, whoever starts it.
 
     Silent cells must not decay into slow denormal numbers, and operations on a few nodes are
-    fastest, and always the same, on one thread.
+    fastest, and always the same, on one thread. A process of multiprocessing ends with the one
+    that started it, even when that is killed; without this it waits for work for ever.
     """
     import torch  # 2 s: the command line asks for the rest of this file without it
 
+    if multiprocessing.parent_process() and FOLLOWING not in [
+        t.name for t in threading.enumerate()
+    ]:
+        threading.Thread(target=_follow_parent, daemon=True, name=FOLLOWING).start()
     torch.set_flush_denormal(True)
     torch.set_num_threads(threads)
 
@@ -49,21 +63,28 @@ def open_streams() -> None:
             setattr(sys, name, open(number, mode, closefd=False))
 
 
-def end_when_asked() -> None:
-    """Let Ctrl-C, and a polite request to end (kill, a job scheduler), end a run as Ctrl-C does.
+def _follow_parent() -> None:
+    wait([multiprocessing.parent_process().sentinel])  # a pipe that the parent's end closes
+    os._exit(1)  # at once: a run goes on from its last checkpoint
 
-    A run in the background begins with Ctrl-C ignored.
+
+def end_when_asked() -> None:
+    """Let a polite request to end (kill, a job scheduler, a closed terminal) end a run as Ctrl-C.
+
+    A run in the background begins with Ctrl-C ignored; one under ``nohup`` outlives its terminal.
     """
     for number in SIGNALS:
-        signal.signal(number, signal.default_int_handler)
+        if number is signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
 
 
 @contextlib.contextmanager
 def postponed() -> Iterator[Callable[[], bool]]:
-    """Inside the block neither Ctrl-C nor SIGTERM interrupts; the function tells if one came.
+    """Inside the block no request to end interrupts; the function tells if one came.
 
     An exception in the middle of a control step would leave the world a step ahead of the
-    agent. Outside the main thread, where no signal arrives, it is always false.
+    agent. What the process ignores stays ignored. Outside the main thread, where no signal
+    arrives, it is always false.
 
     Raises:
         KeyboardInterrupt: at the end, if one came.
@@ -71,7 +92,8 @@ def postponed() -> Iterator[Callable[[], bool]]:
     came: list[int] = []
     former = {}
     if threading.current_thread() is threading.main_thread():
-        former = {n: signal.signal(n, lambda number, _: came.append(number)) for n in SIGNALS}
+        heard = [n for n in SIGNALS if signal.getsignal(n) is not signal.SIG_IGN]
+        former = {n: signal.signal(n, lambda number, _: came.append(number)) for n in heard}
     try:
         yield lambda: bool(came)
     finally:

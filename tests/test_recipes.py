@@ -166,6 +166,15 @@ def test_a_robot_stands_whatever_happens_and_moves_on_fresh_images_alone() -> No
         assert oldest.strip() == "moved no more" or float(oldest) < 1.4, printed  # 2 s without care
 
 
+def test_killed_runs_go_on_and_flipped_bits_are_refused(tmp_path: Path) -> None:
+    printed = run(
+        "evidence/kills.py", "--kills", 1, "--flips", 40, "--worlds", "nodes", "--out", tmp_path
+    )
+    for name in ("KILL", "TERM", "INT", "HUP"):
+        assert f"nodes {name}: 1 kills, bit-identical: True" in printed
+    assert "nodes: 40 bits flipped, 40 refused" in printed
+
+
 def test_the_ring_in_torch_is_that_of_pybullet() -> None:
     pytest.importorskip("pybullet")
     printed = run("evidence/ring_against_pybullet.py", "--poses", 12)

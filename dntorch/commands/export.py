@@ -50,11 +50,13 @@ def export(run: Path, folder: Path, also: tuple[str, ...], calibration: Path | N
 
 @click.command(cls=Computing)
 @click.argument("folder", type=OLD_FOLDER)
-def verify(folder: Path) -> int:
+@click.option("--trust", is_flag=True, help="Load native code, too, since you know who made it.")
+def verify(folder: Path, trust: bool) -> int:
     """Replay the golden record of an export through each artefact.
 
-    In a fresh process that can't import this package. Exit code 1 when one fails.
+    In a fresh process that can't import this package. Exit code 1 when one fails, 2 where there
+    is no export.
     """
     from dntorch.export import verify
 
-    return 0 if verify(folder) else 1
+    return 0 if verify(folder, trust) else 1

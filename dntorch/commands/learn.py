@@ -11,6 +11,7 @@ from dntorch.commands.common import OF_A_RUN, RUNS, Computing, new_folder, refus
 from dntorch.commands.extras import has, require
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FOLDER
 from dntorch.commands.options import CHECKPOINT_EVERY, COMPILE, build_config, options_of_a_run
+from dntorch.lock import owned
 from dntorch.process import end_when_asked, pays
 from dntorch.runs.config import Config
 from dntorch.runs.logs import LOGGERS, open_log
@@ -61,8 +62,7 @@ def learn(context, file, out, resume, checkpoint_every, video, log, compiled, **
 
     if resume:
         refuse_options(context, {"resume", "checkpoint_every", "video", "log"}, OF_A_RUN)
-        trial, folder = Trial.load(resume / CHECKPOINT), resume
-        _require_film(trial.config, video)
+        trial, folder = None, resume
     else:
         asked = build_config(file, options)
         config = within_reach(asked)
@@ -71,10 +71,15 @@ def learn(context, file, out, resume, checkpoint_every, video, log, compiled, **
         trial = Trial(config, compiled and pays(config.steps))
         folder = out or Path("runs") / f"{config.world}-seed{config.seed}"
         new_folder(folder, RUNS, f"go on with --resume {folder} or name another")
-        trial.save(folder / CHECKPOINT)
         if config != asked:
             click.echo(ELSEWHERE, err=True)
-    _train(trial, folder, checkpoint_every, video, open_log(log, folder) if log else None)
+    with owned(folder):
+        if trial is None:
+            trial = Trial.load(folder / CHECKPOINT)
+            _require_film(trial.config, video)
+        else:
+            trial.save(folder / CHECKPOINT)
+        _train(trial, folder, checkpoint_every, video, open_log(log, folder) if log else None)
 
 
 def within_reach(config: Config) -> Config:
@@ -120,7 +125,7 @@ def _train(trial: "Trial", folder: Path, checkpoint_every: int, video: bool, log
             raise
     trial.close()
     results = learning.results(trial, trial.step - begun_at, seconds)
-    learning.write_results(trial, folder, results)
+    results = learning.write_results(trial, folder, results)
     report = _report(trial, folder, results, video)
     click.echo(
         f"{results['behaviors']} behaviours, {len(results['rewards'])} rewards, optimal at the "

@@ -27,6 +27,7 @@ from dntorch.commands.options import (
     build_config,
     options_of_a_run,
 )
+from dntorch.lock import owned
 from dntorch.process import end_when_asked
 from dntorch.runs.config import Config
 from dntorch.runs.worlds import WORLDS
@@ -96,7 +97,8 @@ def sweep(
     tasks = sweeps.plan(configs, out.absolute(), batch, checkpoint_every, compiled)
     running = _start(tasks, out, **where)
     end_when_asked()
-    rows, failed = _follow(running, len(configs))
+    with owned(out):
+        rows, failed = _follow(running, len(configs))
     order = {sweeps.name_of(config): k for k, config in enumerate(configs)}
     rows.sort(key=lambda one: order[sweeps.name_of(Config(**one["config"]))])
     for path in table.write(out, rows):

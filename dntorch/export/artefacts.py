@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,13 @@ from torch import Tensor
 
 import dntorch
 from dntorch.dynamics import Dynamics
-from dntorch.export import program, replay
+from dntorch.export import program, reading
 from dntorch.export.boundary import Boundary, Input, Port
 from dntorch.export.golden import Golden, record
 from dntorch.export.program import Functional
 from dntorch.export.script import script
+from dntorch.export.verify import checking_program
+from dntorch.files import write_atomically
 
 RUNTIMES = {
     "torchscript": ".ts",
@@ -68,12 +69,13 @@ def write(
     if unknown:
         raise ValueError(f"runtime {unknown[0]!r} is unknown: choose from {', '.join(RUNTIMES)}")
     folder.mkdir(parents=True, exist_ok=True)
-    for leftover in (replay.MANIFEST, *(name + suffix for suffix in RUNTIMES.values())):
+    for leftover in (reading.MANIFEST, *(name + suffix for suffix in RUNTIMES.values())):
         (folder / leftover).unlink(missing_ok=True)
     files = {}
     if "torchscript" in runtimes:
         path = folder / f"{name}.ts"
-        torch.jit.save(script(boundary), path)
+        scripted = script(boundary).save_to_buffer()
+        write_atomically(path, lambda file: file.write(scripted))
         files[path.name] = {"runtime": "torchscript"}
     if set(runtimes) - {"torchscript"}:
         functional = Functional(boundary)
@@ -82,16 +84,17 @@ def write(
             path = folder / f"{name}{RUNTIMES[runtime]}"
             _WRITERS[runtime](exported, functional, path)
             files[path.name] = {"runtime": runtime}
-    np.savez(folder / replay.GOLDEN, **golden.arrays())
-    shutil.copyfile(replay.__file__, folder / "verify.py")
-    files[replay.GOLDEN] = {}
+    arrays, checking = golden.arrays(), checking_program().encode()
+    write_atomically(folder / reading.GOLDEN, lambda file: np.savez(file, **arrays))
+    write_atomically(folder / "verify.py", lambda file: file.write(checking))
+    files[reading.GOLDEN] = {}
     files["verify.py"] = {}
     for file, entry in files.items():
         entry["bytes"] = (folder / file).stat().st_size
         entry["sha256"] = checksum(folder / file)
     content = describe(boundary, name) | (about or {}) | {"files": files}
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
-    (folder / replay.MANIFEST).write_text(text)
+    write_atomically(folder / reading.MANIFEST, lambda file: file.write(text.encode()))
     return folder
 
 
@@ -99,7 +102,7 @@ def describe(boundary: Boundary, name: str) -> dict[str, Any]:
     """The manifest of any structure."""
     buffers, lasting = dict(boundary.structure.named_buffers()), boundary.lasting()
     return {
-        "format": replay.FORMAT,
+        "format": reading.FORMAT,
         "name": name,
         "structure": type(boundary.structure).__name__,
         "dntorch": dntorch.__version__,
@@ -113,7 +116,7 @@ def describe(boundary: Boundary, name: str) -> dict[str, Any]:
             for p in boundary.state
         ],
         "thresholds": {},
-        "tolerance": {"step": 1e-6, "aotinductor": 1e-5, "executorch": 1e-5, "free": 1e-4},
+        "tolerance": reading.TOLERANCE,
     }
 
 

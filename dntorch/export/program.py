@@ -8,6 +8,7 @@ whoever runs a program holds its state, and can see, save and set it.
 import contextlib
 import importlib.util
 import inspect
+import io
 import logging
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,6 +19,7 @@ from torch import Tensor, nn
 from torch.utils import _pytree as pytree
 
 from dntorch.export.boundary import Boundary
+from dntorch.files import write_atomically
 
 NEXT = "next."
 """Before the names of state tensors that come out."""
@@ -79,14 +81,18 @@ def program(functional: Functional, *inputs: Tensor) -> torch.export.ExportedPro
 def write_export(
     exported: torch.export.ExportedProgram, functional: Functional, path: Path
 ) -> None:
-    torch.export.save(exported, path)
+    content = io.BytesIO()
+    torch.export.save(exported, content)
+    write_atomically(path, lambda file: file.write(content.getbuffer()))
 
 
 def write_onnx(exported: torch.export.ExportedProgram, functional: Functional, path: Path) -> None:
     _require("onnx", "onnxscript", extra="export")
     names = {"input_names": functional.takes, "output_names": functional.gives}
     with _quiet():
-        torch.onnx.export(exported, **names, dynamo=True, verbose=False).save(path)
+        made = torch.onnx.export(exported, **names, dynamo=True, verbose=False)
+    content = made.model_proto.SerializeToString()
+    write_atomically(path, lambda file: file.write(content))
 
 
 def write_aotinductor(
@@ -104,7 +110,8 @@ def write_executorch(
 
     # PyTorch's own decomposition of lerp copies strides, for which ExecuTorch has no kernel.
     plain = exported.run_decompositions({torch.ops.aten.lerp.Scalar: _lerp})
-    path.write_bytes(to_edge(plain).to_executorch().buffer)
+    content = to_edge(plain).to_executorch().buffer
+    write_atomically(path, lambda file: file.write(content))
 
 
 def _lerp(start: Tensor, end: Tensor, weight: float) -> Tensor:

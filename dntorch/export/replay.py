@@ -1,140 +1,23 @@
 """Replay a golden record through exported artefacts. Runs without dntorch.
 
-    python verify.py [DIR]
+    python verify.py [--trust] [DIR]
 
 For each artefact in DIR it prints the largest difference to the eager original for each
 output, step by step from recorded states and running freely, and a verdict. The exit code
-is 1 when one fails. Needs NumPy, and PyTorch, ONNX Runtime or ExecuTorch for the artefacts
-at hand.
+is 1 when one fails, 2 when DIR holds no export. Needs NumPy, and PyTorch, ONNX Runtime or
+ExecuTorch for the artefacts at hand. Native code is loaded only with --trust. Checksums tell
+damage, not who sent it.
 """
 
 import contextlib
-import hashlib
-import io
-import json
 import sys
 from pathlib import Path
 
 import numpy as np
 
-FORMAT = 3
-MANIFEST, GOLDEN = "manifest.json", "golden.npz"
-KEYS = ("name", "dt", "inputs", "switches", "outputs", "state", "files", "tolerance", "thresholds")
-
-
-class Unfit(Exception):
-    """An artefact, a manifest or a record that can't be used; says why."""
-
-
-# ---------------------------------------------------------------- artefacts behind one face
-
-
-class Script:
-    """TorchScript, which holds its state."""
-
-    def __init__(self, path, manifest):
-        import torch
-
-        self.torch, self.module = torch, torch.jit.load(path)
-        self.outputs = [port["name"] for port in manifest["outputs"]]
-        self.switches = {port["name"]: float(port["rest"]) for port in manifest["switches"]}
-
-    def state(self):
-        return {k: v.numpy().copy() for k, v in self.module.get_state().items()}
-
-    def set(self, state):
-        self.module.set_state({k: self.torch.from_numpy(v.copy()) for k, v in state.items()})
-
-    def step(self, inputs, switches):
-        for name, value in switches.items():
-            if self.switches[name] != float(value):
-                self.module.learn(bool(value))
-                self.switches[name] = float(value)
-        output = self.module(*(self.torch.from_numpy(x.copy()) for x in inputs.values()))
-        output = output if isinstance(output, tuple) else (output,)
-        return dict(zip(self.outputs, (x.detach().numpy() for x in output)))
-
-
-class Function:
-    """A pure function: the state is held here, and starts as the manifest says."""
-
-    def __init__(self, path, manifest):
-        self.outputs = [port["name"] for port in manifest["outputs"]]
-        self.names = [port["name"] for port in manifest["state"]]
-        self.held = {port["name"]: at_rest(port) for port in manifest["state"]}
-        self.load(path)
-
-    def state(self):
-        return dict(self.held)
-
-    def set(self, state):
-        self.held = {name: state[name] for name in self.names}
-
-    def step(self, inputs, switches):
-        gives = self.call([*inputs.values(), *switches.values(), *self.held.values()])
-        count = len(self.outputs)
-        self.held = dict(zip(self.names, gives[count:]))
-        return dict(zip(self.outputs, gives[:count]))
-
-
-class Torch(Function):
-    """All that takes and gives torch tensors."""
-
-    def call(self, arrays):
-        import torch
-
-        with torch.no_grad():
-            tensors = self.function(*(torch.from_numpy(x.copy()) for x in arrays))
-        return [tensor.numpy() for tensor in tensors]
-
-
-class Export(Torch):
-    def load(self, path):
-        import torch
-
-        self.function = torch.export.load(path).module()
-
-
-class AOTInductor(Torch):
-    def load(self, path):
-        import torch
-
-        self.function = torch._inductor.aoti_load_package(str(path))
-
-
-class ExecuTorch(Torch):
-    def load(self, path):
-        from executorch.runtime import Runtime
-
-        method = Runtime.get().load_program(str(path)).load_method("forward")
-        self.function = lambda *tensors: method.execute(list(tensors))
-
-
-class Onnx(Function):
-    def load(self, path):
-        import onnxruntime
-
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = 1
-        self.session = onnxruntime.InferenceSession(
-            str(path), options, providers=["CPUExecutionProvider"]
-        )
-        self.takes = [port.name for port in self.session.get_inputs()]
-
-    def call(self, arrays):
-        if len(arrays) != len(self.takes):
-            raise Unfit(f"takes {len(self.takes)} tensors, the manifest names {len(arrays)}")
-        return self.session.run(None, dict(zip(self.takes, arrays)))
-
-
-RUNTIMES = {
-    "torchscript": Script,
-    "export": Export,
-    "onnx": Onnx,
-    "aotinductor": AOTInductor,
-    "executorch": ExecuTorch,
-}
-
+from dntorch.export.reading import NoExport, Unfit, at_rest, read, steps, untouched
+from dntorch.export.runtimes import RUNTIMES
+from dntorch.export.safety import check_safe
 
 # ---------------------------------------------------------------- what is compared
 
@@ -203,14 +86,6 @@ def freely(artefact, manifest, record):
     return worst, [name for name, (ours, theirs) in decided.items() if ours != theirs]
 
 
-def steps(manifest, record):
-    return len(record[f"run/{manifest['inputs'][0]['name']}"])
-
-
-def at_rest(port):
-    return np.broadcast_to(np.array(port["rest"], port["dtype"]), port["shape"]).copy()
-
-
 def check(artefact, runtime, manifest, record):
     """Lines to print, and what is wrong."""
     tolerance = manifest["tolerance"]
@@ -243,43 +118,9 @@ def check(artefact, runtime, manifest, record):
 # ---------------------------------------------------------------- the program
 
 
-def read(folder):
-    """Manifest and golden record."""
-    try:
-        manifest = json.loads((folder / MANIFEST).read_text())
-        if manifest.get("format") != FORMAT:
-            raise Unfit(
-                f"{MANIFEST} is of format {manifest.get('format')}, not {FORMAT}: export again"
-            )
-        missing = [key for key in KEYS if key not in manifest]
-        if missing:
-            raise Unfit(f"{MANIFEST} lacks {missing}: export again")
-    except FileNotFoundError:
-        raise Unfit(f"{folder / MANIFEST} does not exist: name a folder of an export") from None
-    except (ValueError, AttributeError) as error:
-        raise Unfit(f"{MANIFEST} is damaged ({error}): export again") from None
-    try:
-        record = dict(np.load(io.BytesIO((folder / GOLDEN).read_bytes())))
-    except Exception as error:
-        raise Unfit(f"{GOLDEN} is damaged ({error}): export again") from None
-    return manifest, record
-
-
-def untouched(folder, name, entry):
-    """Raise unless a file is the one that was exported."""
-    try:
-        content = (folder / name).read_bytes()
-    except OSError as error:
-        raise Unfit(f"cannot be read ({error.strerror})") from None
-    if hashlib.sha256(content).hexdigest() != entry["sha256"]:
-        raise Unfit(
-            f"is not the file that was exported: {len(content)} bytes with another checksum than "
-            f"that of {entry['bytes']} bytes in {MANIFEST}"
-        )
-
-
-def verify(folder):
-    """Check all; returns whether all is well."""
+def verify(folder, trust=False):
+    """Check all, native code only if it is trusted; returns whether all is well."""
+    folder = Path(folder)
     manifest, record = read(folder)
     pairs = len(record["pairs/step"])
     print(
@@ -292,12 +133,15 @@ def verify(folder):
         try:
             untouched(folder, name, entry)
             if "runtime" in entry:
+                if entry["runtime"] not in [*RUNTIMES]:
+                    raise Unfit(f"is for {entry['runtime']!r}: known are {', '.join(RUNTIMES)}")
+                check_safe(folder / name, entry["runtime"], trust)
                 artefact = RUNTIMES[entry["runtime"]](folder / name, manifest)
                 lines, wrong = check(artefact, entry["runtime"], manifest, record)
         except ImportError as error:
             wrong = [f"{error}: install it, or delete the entry"]
         except Exception as error:
-            wrong = [str(error).strip().splitlines()[-1] if str(error) else repr(error)]
+            wrong = [str(error).strip().splitlines()[-1] if str(error).strip() else repr(error)]
         if lines:
             print(f"{name}\n  {'':36} {'step by step':>12} {'freely':>12}")
             print("\n".join(lines))
@@ -312,11 +156,13 @@ def main():
         import torch
 
         torch.set_num_threads(1)  # more are slower for so few numbers
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent)
+    given = [argument for argument in sys.argv[1:] if argument != "--trust"]
+    folder = Path(given[0] if given else Path(__file__).parent)
     try:
-        sys.exit(0 if verify(folder) else 1)
+        sys.exit(0 if verify(folder, "--trust" in sys.argv) else 1)
     except Unfit as error:
-        sys.exit(f"verify: {error}")
+        print(f"verify: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, NoExport) else 1)
 
 
 if __name__ == "__main__":

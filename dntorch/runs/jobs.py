@@ -1,5 +1,6 @@
 """Groups of runs under names, remembered as events: cut into batches, done in processes."""
 
+import io
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import torch
 
 from dntorch import files
+from dntorch.lock import owned
 from dntorch.process import pays
 from dntorch.runs.group import Group
 from dntorch.runs.pool import Report, in_processes
@@ -83,23 +85,29 @@ def run_groups(
     """Events of each job, cut in ``batches`` (one a process); what is done already is read.
 
     Raises:
-        ValueError: ``folder`` holds runs of another group under the same name.
+        ValueError: ``folder`` holds runs of another group under the same name or a damaged
+            file, or another process works there.
         RuntimeError: a worker failed; the others have saved.
     """
     folder.mkdir(parents=True, exist_ok=True)
     parts = {job.name: split(job, batches or processes) for job in jobs}
     pieces = [Piece(part, folder) for each in parts.values() for part in each]
-    missing = [piece for piece in pieces if not piece.done.exists()]
-    if missing:
-        before = sum(p.job.group.config.steps for p in pieces) - sum(
-            p.job.group.config.steps for p in missing
-        )
-        for finished in in_processes(
-            work, missing, processes, progress=lambda steps: progress(before + steps)
-        ):
-            if finished.error:
-                raise RuntimeError(f"{finished.task.job.name}: {finished.error}")
+    if not all(piece.done.exists() for piece in pieces):
+        with owned(folder):
+            _do(pieces, processes, progress)
     return {name: _joined([_read(part, folder) for part in each]) for name, each in parts.items()}
+
+
+def _do(pieces: list[Piece], processes: int, progress: Callable[[int], Any]) -> None:
+    missing = [piece for piece in pieces if not piece.done.exists()]
+    before = sum(p.job.group.config.steps for p in pieces) - sum(
+        p.job.group.config.steps for p in missing
+    )
+    for finished in in_processes(
+        work, missing, processes, progress=lambda steps: progress(before + steps)
+    ):
+        if finished.error:
+            raise RuntimeError(f"{finished.task.job.name}: {finished.error}")
 
 
 def _joined(events: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -111,7 +119,12 @@ def _joined(events: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 def _read(part: Job, folder: Path) -> dict[str, np.ndarray]:
     path = folder / f"{part.name}.npz"
-    events = dict(np.load(path))
+    try:
+        events = dict(np.load(io.BytesIO(path.read_bytes())))
+    except Exception as error:  # a damaged archive: NumPy has many words for that
+        raise ValueError(
+            f"{path} is damaged ({error}): remove it, and the runs go on from their checkpoint"
+        ) from error
     part.group.check(str(events.pop("group", "")), path)
     return events
 

@@ -16,7 +16,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from dntorch.process import settle
+from dntorch.process import SIGNALS, settle
 
 
 class Report(Protocol):
@@ -59,8 +59,10 @@ def _begin(shared: Shared) -> None:
     global _shared
     _shared = shared
     settle()
-    # Ctrl-C reaches all processes of a terminal: the main one decides, workers save when told.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # These reach all processes of a terminal: the main one decides, workers save when told.
+    for number in SIGNALS:
+        if number is not signal.SIGTERM:
+            signal.signal(number, signal.SIG_IGN)
 
 
 def _one(work: Work, task: Any, number: int) -> Any:

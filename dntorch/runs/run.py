@@ -1,5 +1,7 @@
 """A run: agents in their worlds, from the first step to the last, stoppable at any."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -139,21 +141,24 @@ class Run:
             ValueError: no checkpoint, a damaged one, or one of other runs.
         """
         content = files.load(path)
-        self.group.check(content.get("group", ""), path)
-        self.agent.restore(content["agent"])
-        moment = self.engine.moment
-        observation, reward = content["seen"]
-        self.engine.restore(
-            moment._replace(
-                step=torch.full_like(moment.step, content["step"]),
-                observation=observation,
-                reward=reward,
-                agent=self.agent.state,
-                world=self.world.restore(content["world"], moment.world),
-                log=self.memory.restore(content["memory"], moment.log),
+        with _fitting(path):
+            self.group.check(content.get("group", ""), path)
+            self.agent.restore(content["agent"])
+            moment = self.engine.moment
+            observation, reward = content["seen"]
+            if _form((observation, reward)) != _form((moment.observation, moment.reward)):
+                raise TypeError("the agent has seen something else")
+            self.engine.restore(
+                moment._replace(
+                    step=torch.full_like(moment.step, content["step"]),
+                    observation=observation,
+                    reward=reward,
+                    agent=self.agent.state,
+                    world=self.world.restore(content["world"], moment.world),
+                    log=self.memory.restore(content["memory"], moment.log),
+                )
             )
-        )
-        self.step = content["step"]
+            self.step = content["step"]
         return self
 
 
@@ -175,11 +180,10 @@ class Trial(Run):
             raise ValueError(
                 f"{path} holds learned values and no world: use it with export or robot run"
             )
-        try:
+        with _fitting(path):
             compiled = content["compiled"] and can_compile()
-            return cls(kept_config(content["config"], path), compiled).restore(path)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"{path} is of another version of dntorch: {error}") from error
+            trial = cls(kept_config(content["config"], path), compiled)
+        return trial.restore(path)
 
 
 def load_trained(path: Path) -> tuple[DNSarsa, Config]:
@@ -189,10 +193,28 @@ def load_trained(path: Path) -> tuple[DNSarsa, Config]:
         ValueError: as `Trial.load`.
     """
     content = files.load(path)
-    try:
+    with _fitting(path):
         config = kept_config(content["config"], path)
         agent = build_agent(config)
         agent.restore(content["agent"])
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"{path} is of another version of dntorch: {error}") from error
     return agent, config
+
+
+def _form(tensors: Any) -> tuple:
+    leaves, structure = pytree.tree_flatten(tensors)
+    return structure, [(leaf.shape, leaf.dtype) for leaf in leaves]
+
+
+@contextmanager
+def _fitting(path: Path) -> Iterator[None]:
+    """Say of a checkpoint whose content is not what is read here that it is of another version."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, ValueError) and "\n" not in str(error):
+            raise  # says itself what is wrong
+        reason = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise ValueError(
+            f"{path} is of another version of dntorch ({reason}): use that version, or begin a "
+            "new run"
+        ) from error

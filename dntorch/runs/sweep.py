@@ -7,12 +7,14 @@ Who does the work: `dntorch.runs.pool`.
 """
 
 import itertools
-import json
 from collections import Counter
+from contextlib import ExitStack
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from dntorch import files
+from dntorch.lock import owned
 from dntorch.process import pays
 from dntorch.runs import train as training
 from dntorch.runs.config import Config
@@ -22,6 +24,8 @@ from dntorch.runs.run import Run, Trial
 from dntorch.runs.worlds import WORLDS
 
 Table = list[dict[str, Any]]
+PATIENCE = 20.0
+"""s, for which a run waits for a worker of a sweep that was killed: it ends at once."""
 
 
 class Batch(NamedTuple):
@@ -92,13 +96,16 @@ def run(batch: Batch, report: Report = lambda steps: True) -> Table:
     """Do the runs of a batch that are not finished; the results of all, in order.
 
     Raises:
-        ValueError: a folder holds a run with another configuration.
+        ValueError: a folder holds a run with another configuration, or is in use.
     """
     folders = [batch.root / name_of(config) for config in batch.configs]
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
     if not all((folder / training.RESULTS).exists() for folder in folders):
-        _run(batch, folders, report)
+        with ExitStack() as stack:
+            for folder in folders:
+                stack.enter_context(owned(folder, PATIENCE))
+            _run(batch, folders, report)
     return [_finished(config, folder) for config, folder in zip(batch.configs, folders)]
 
 
@@ -119,11 +126,12 @@ def _run(batch: Batch, folders: list[Path], report: Report) -> None:
         training.write_results(trial, folder, training.results(trial, trial.step - before, seconds))
     work.close()
     if together:
-        path.unlink()
+        for file in (path, files.before(path)):
+            file.unlink(missing_ok=True)
 
 
 def _finished(config: Config, folder: Path) -> dict[str, Any]:
-    results = json.loads((folder / training.RESULTS).read_text())
+    results = training.read_results(folder)
     if results["config"] != asdict(config):
         raise ValueError(f"{folder} holds a run with other options: name another folder")
     return results

@@ -1,5 +1,6 @@
 """A run to its end: checkpoints on the way, stoppable, resumable; and what it came to."""
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -34,7 +35,7 @@ def train(
     False, saves first.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C or SIGTERM came, and the run is saved where it stands.
+        KeyboardInterrupt: Ctrl-C or another request to end came; it is saved where it stands.
         Stopped: the same after ``progress`` returned False.
     """
     began, end = time.monotonic(), min(until or run.config.steps, run.config.steps)
@@ -42,16 +43,19 @@ def train(
         while run.step < end and not asked():
             until_save = save_every - run.step % save_every
             run.advance(min(run.engine.portion, until_save, end - run.step))
-            stop = progress(run) is False
-            if run.step % save_every == 0 or run.step == end or stop or asked():
-                run.save(path)
+            stop = True  # what progress raises, as after its terminal was closed, loses no step
+            try:
+                stop = progress(run) is False
+            finally:
+                if run.step % save_every == 0 or run.step == end or stop or asked():
+                    run.save(path)
             if stop and run.step < end:
                 raise Stopped
     return time.monotonic() - began
 
 
 def results(trial: Trial, steps_taken: int, seconds: float) -> dict[str, Any]:
-    """What a run came to, for ``results.json``."""
+    """What a run came to, for ``results.json``; without times if it took no step."""
     config, record = trial.config, trial.record
     rewards = record.rewards.tolist()
     exploring = record.found[: min(config.explore, trial.step)]
@@ -60,8 +64,8 @@ def results(trial: Trial, steps_taken: int, seconds: float) -> dict[str, Any]:
         "world": config.world,
         "seed": config.seed,
         "steps": trial.step,
-        "steps_per_second": round(steps_taken / seconds, 1) if seconds > 0 else None,
-        "duration_seconds": round(seconds, 1),
+        "steps_per_second": round(steps_taken / seconds, 1) if steps_taken and seconds else None,
+        "duration_seconds": round(seconds, 1) if steps_taken else None,
         "behaviors": len(record.behaviors),
         "behaviors_in_exploration": int((exploring >= 0).sum()),
         "rewards": rewards,
@@ -79,8 +83,36 @@ def results(trial: Trial, steps_taken: int, seconds: float) -> dict[str, Any]:
     }
 
 
-def write_results(trial: Trial, folder: Path, content: dict[str, Any]) -> None:
-    """Write ``results.json`` and ``record.npz``."""
-    write_json(folder / RESULTS, content)
+TIMES = ("steps_per_second", "duration_seconds")
+
+
+def write_results(trial: Trial, folder: Path, content: dict[str, Any]) -> dict[str, Any]:
+    """Write ``results.json`` and ``record.npz``; returns what the first holds.
+
+    A run that was finished before, and took no step now, keeps the times that it took.
+    """
+    if content["steps_per_second"] is None and (folder / RESULTS).exists():
+        earlier = read_results(folder)
+        content = content | {name: earlier[name] for name in TIMES if name in earlier}
     arrays = trial.record.arrays()
     write_atomically(folder / RECORD, lambda file: np.savez_compressed(file, **arrays))
+    write_json(folder / RESULTS, content)  # at last: a run that has it is finished
+    return content
+
+
+def read_results(folder: Path) -> dict[str, Any]:
+    """What `write_results` wrote.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    path = folder / RESULTS
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(content, dict) or not isinstance(content.get("config"), dict):
+            raise ValueError("it has no config")
+    except (ValueError, OSError) as error:
+        raise ValueError(
+            f"{path} is damaged ({error}): remove it, and the run goes on from its checkpoint"
+        ) from error
+    return content

@@ -321,6 +321,7 @@ def test_a_compiled_program_verifies(tmp_path: Path, capsys) -> None:
     rows = rows_of(CASES["DNSarsa"][1])
     rows[5][1], rows[12][2] = torch.tensor(torch.nan), spoiled(rows[12][2], torch.inf, ())
     export_structure(dntorch.DNSarsa(N), tmp_path, rows, ["aotinductor"])
-    assert replay.verify(tmp_path), capsys.readouterr().out
+    assert not replay.verify(tmp_path) and "give --trust" in capsys.readouterr().out
+    assert replay.verify(tmp_path, trust=True), capsys.readouterr().out
     _, record = replay.read(tmp_path)
     assert record["run/next.ignored"][-1] == 2

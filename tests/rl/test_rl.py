@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from collections import deque
 from pathlib import Path
 
 import gymnasium
@@ -23,6 +24,7 @@ from torchrl.envs import (
 from dntorch import DNSarsa, Exploration, FindColor, files
 from dntorch.cells.working_memory import WorkingMemoryState
 from dntorch.rl import AgentPolicy, AgentPrimer, LastReward, wrap
+from dntorch.rl.transforms import world_of
 from dntorch.runs.build import build_agent, build_exploration
 from dntorch.runs.collect import collected
 from dntorch.runs.config import Config
@@ -491,6 +493,18 @@ def test_the_world_of_an_env_without_collector_is_saved_alone() -> None:
     one, two = (each.step(shown.clone().set("action", action)) for each in (env, other))
     assert torch.equal(one["next", "match"], two["next", "match"])
     assert torch.equal(env.base_env.state.sought, other.base_env.state.sought)
+
+
+@WORLD
+def test_a_world_that_could_not_be_loaded_again_is_refused_at_the_save(world: str) -> None:
+    made = collector(*build(Config(world=world)), 10)
+    advance(made, 1)
+    base = world_of(made.env)
+    state_dict = base.state_dict
+    base.state_dict = lambda: state_dict() | {"extra": deque([1])}
+    with pytest.raises(ValueError, match=r"world\.extra is a deque: give numbers"):
+        made.state_dict()
+    made.shutdown()
 
 
 def staggered(config: Config, carried: bool):
