@@ -163,8 +163,8 @@ def _read(file: BinaryIO, path: Path | None) -> dict[str, Any]:
         raise _unreadable(path, "it is damaged: its content is not what was saved")
     if (format := int(begin[1])) != FORMAT:
         raise ValueError(
-            f"{path} is of another version of dntorch, format {format} instead of {FORMAT}: use "
-            "that version, or begin a new run"
+            f"{path or 'the state'} is of another version of dntorch, format {format} "
+            f"instead of {FORMAT}: use that version, or begin a new run"
         )
     file.seek(start)
     try:

@@ -122,10 +122,13 @@ def check_script(path):
 
 NATIVE = ("aotinductor",)
 CHECKS = {"export": check_program, "torchscript": check_script}
+DATA = ("onnx", "executorch")
+"""Formats that their runtimes only compute with."""
 
 
 def check_safe(path, runtime, trust):
     """Raise for what could do more than compute when it is loaded."""
     if runtime in NATIVE and not trust:
         raise Unfit("is native code: give --trust if you know who made it")
-    CHECKS.get(runtime, lambda path: None)(path)
+    if runtime not in (*NATIVE, *DATA):
+        CHECKS[runtime](path)

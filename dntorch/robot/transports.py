@@ -230,32 +230,3 @@ def is_host(name: str) -> bool:
         return bool(name.encode("idna"))
     except UnicodeError:
         return False
-
-
-class Inside:
-    """The host's end of a link inside one process; the other end is a `MemoryServer`."""
-
-    def __init__(self, server) -> None:
-        self.server, self._link = server, None
-
-    def open(self) -> None:
-        self._link = self.server.connect()
-
-    def send(self, data: bytes) -> None:
-        if self._link is None or self._link.broken:
-            raise LinkLost("the link in memory is broken")
-        self._link.to_robot += data
-
-    def receive(self) -> bytes:
-        if self._link is None:
-            raise LinkLost("no link in memory")
-        data = bytes(self._link.to_host)
-        self._link.to_host.clear()
-        if not data and self._link.broken:
-            raise LinkLost("the robot closed the link in memory")
-        return data
-
-    def close(self) -> None:
-        if self._link is not None:
-            self._link.ended = True
-        self._link = None

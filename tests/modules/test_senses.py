@@ -125,7 +125,7 @@ def test_a_run_of_an_older_version_is_refused_in_a_sentence(tmp_path, monkeypatc
     Trial(Config(world="nodes", steps=2, explore=0)).save(path)
     monkeypatch.undo()
     for load in (Trial.load, load_trained):
-        with pytest.raises(ValueError, match="another version of dntorch, format 1 instead of 2"):
+        with pytest.raises(ValueError, match="another version of dntorch, format 1 instead of 3"):
             load(path)
 
 
