@@ -8,18 +8,18 @@ from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
-import torch
 from gymnasium import spaces
 
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.colors import HUES
 from dntorch.envs import sensors
 from dntorch.envs.drive import Drive, check_speeds
-from dntorch.envs.judge import DWELL, DWELL_RATE, NOTHING, TOLERANCE, Judge, JudgeState, Verdict
+from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge
 from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole, shuffled
 from dntorch.envs.pose import Pose
+from dntorch.envs.referee import Referee
 from dntorch.envs.senses import SENSES
-from dntorch.envs.task import SequenceTask, TaskState
+from dntorch.envs.task import SequenceTask
 from dntorch.quantities import check_quantities, per_second
 
 
@@ -94,18 +94,12 @@ class BlocksEnv(gymnasium.Env):
         self.layout_seed = layout_seed
         self.metadata = {**self.metadata, "render_fps": per_second(task.dt)}
         self.render_mode, self.max_seconds = render_mode, max_seconds
-        self.judge = Judge(tolerance, dwell, dwell_rate, task.dt)
+        self._referee = Referee(Judge(tolerance, dwell, dwell_rate, task.dt), task)
         # A snapshot may go on in an env that is sensed, drawn or cut off differently.
-        self._world: dict[str, Any] = {
-            "task": task,
-            "ring": ring,
-            "layout_seed": layout_seed,
-            "light": light,
-            "body": body,
-            "tolerance": tolerance,
-            "dwell": dwell,
-            "dwell_rate": dwell_rate,
-        }
+        self._world: dict[str, Any] = dict(
+            task=task, ring=ring, layout_seed=layout_seed, light=light, body=body,
+            tolerance=tolerance, dwell=dwell, dwell_rate=dwell_rate,
+        )  # fmt: skip
         self._paints = np.array([colorsys.hsv_to_rgb(HUES[c] / 360, 1, 1) for c in task.colors])
         self._steps: int | None = None
         self._closed = False
@@ -142,9 +136,8 @@ class BlocksEnv(gymnasium.Env):
         self._arrange(shuffled(self.ring.blocks, len(self.colors), random))
         self._drive.reset()
         self._pose, self._steps = self._drive.pose(), 0
-        self._judged, self._rewarded = JudgeState(), self.task.initial()
-        seen, _ = self.judge.step(self.bearings, math.inf, self._judged)
-        return self.observe(), self._info(seen)
+        info = self._referee.reset(self.bearings, self.layout)
+        return self.observe(), self._told(info, 0.0)
 
     def step(self, action: np.ndarray):
         reward, over, info = self.move(action)
@@ -157,11 +150,9 @@ class BlocksEnv(gymnasium.Env):
         self._drive.step(check_speeds(action, self.body.speed_cap))
         self._pose, self._steps = self._drive.pose(), self._steps + 1
         yaw_rate = math.remainder(self._pose.yaw - before, math.tau) / self.dt
-        verdict, self._judged = self.judge.step(self.bearings, yaw_rate, self._judged)
-        found = self._color(verdict.found)
-        reward, completed, self._rewarded = self.task.step(torch.tensor(found), self._rewarded)
+        reward, info = self._referee.step(self.bearings, yaw_rate, self.layout)
         over = self.max_seconds is not None and self._steps * self.dt >= self.max_seconds
-        return float(reward), over, self._info(verdict, bool(completed), yaw_rate)
+        return reward, over, self._told(info, yaw_rate)
 
     def render(self) -> np.ndarray | None:
         """The view from outside, uint8 (360, 480, 3), RGB; ``None`` without a render mode."""
@@ -221,8 +212,7 @@ class BlocksEnv(gymnasium.Env):
             "layout": self.layout.copy(),
             "steps": self._steps,
             "drive": self._drive.snapshot(),
-            "judge": tuple(self._judged),
-            "task": tuple(part.numpy().copy() for part in self._rewarded),
+            **self._referee.snapshot(),
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -240,8 +230,7 @@ class BlocksEnv(gymnasium.Env):
         self._arrange(state["layout"].copy())
         self._drive.restore(state["drive"])
         self._pose, self._steps = self._drive.pose(), state["steps"]
-        self._judged = JudgeState(*state["judge"])
-        self._rewarded = TaskState(*(torch.from_numpy(part.copy()) for part in state["task"]))
+        self._referee.restore(state)
 
     # ---------------------------------------------------------------- inside
 
@@ -254,18 +243,8 @@ class BlocksEnv(gymnasium.Env):
             raise gymnasium.error.ClosedEnvironmentError("this env was closed: build a new one")
         self.layout = layout
 
-    def _color(self, block: int) -> int:
-        return NOTHING if block == NOTHING else int(self.layout[block])
-
-    def _info(self, seen: Verdict, completed: bool = False, yaw_rate: float = 0.0):
-        return {
-            "found": np.int64(self._color(seen.found)),
-            "completed": np.bool_(completed),
-            "bearing": np.float64(seen.bearing),
-            "centered": np.int64(self._color(seen.centered)),
-            "yaw": np.float64(self._pose.yaw),
-            "yaw_rate": np.float64(yaw_rate),
-        }
+    def _told(self, info: dict[str, Any], yaw_rate: float) -> dict[str, Any]:
+        return info | {"yaw": np.float64(self._pose.yaw), "yaw_rate": np.float64(yaw_rate)}
 
 
 def _check(layout_seed: int | None, render_mode: str | None, max_seconds: float | None) -> None:
