@@ -16,12 +16,14 @@ from typing import Any
 STREAMS = {"stdin": "r", "stdout": "w", "stderr": "w"}
 """Names in ``sys`` and modes, in the order of their descriptors, 0 to 2."""
 
-SIGNALS = [
-    getattr(signal, name)
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
-    if hasattr(signal, name)
-]
-"""Requests to end: Ctrl-C and Ctrl-\\, ``kill``, a closed terminal; Windows knows the first two."""
+
+def signals(names: str) -> tuple[signal.Signals, ...]:
+    """Those of the names that this system has: Windows has few, and macOS not all."""
+    return tuple(getattr(signal, name) for name in names.split() if hasattr(signal, name))
+
+
+REQUESTS = signals("SIGINT SIGTERM SIGHUP SIGQUIT")
+"""Requests to end: Ctrl-C, ``kill``, a closed terminal or connection, Ctrl-backslash."""
 
 FOLLOWING = "follows-parent"
 
@@ -73,7 +75,7 @@ def end_when_asked() -> None:
 
     A run in the background begins with Ctrl-C ignored; one under ``nohup`` outlives its terminal.
     """
-    for number in SIGNALS:
+    for number in REQUESTS:
         if number is signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)
 
@@ -92,7 +94,7 @@ def postponed() -> Iterator[Callable[[], bool]]:
     came: list[int] = []
     former = {}
     if threading.current_thread() is threading.main_thread():
-        heard = [n for n in SIGNALS if signal.getsignal(n) is not signal.SIG_IGN]
+        heard = [n for n in REQUESTS if signal.getsignal(n) is not signal.SIG_IGN]
         former = {n: signal.signal(n, lambda number, _: came.append(number)) for n in heard}
     try:
         yield lambda: bool(came)

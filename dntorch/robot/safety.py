@@ -15,7 +15,7 @@ from dntorch.body import EPUCK
 from dntorch.quantities import check_quantities
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.contract import Frame, Robot, Watched
-from dntorch.robot.signals import REQUESTS, Signals
+from dntorch.robot.signals import Signals
 
 #: Farthest back, in s, that a change of speed may have begun.
 PAUSE = 0.1
@@ -82,8 +82,6 @@ class Guard:
     Attributes:
         tripped: why the robot stands although nobody said so, or ``None``.
     """
-
-    SIGNALS = REQUESTS
 
     def __init__(self, robot: Robot, clock: Clock | None = None, limits: Limits | None = None):
         self.robot, self.clock, self.limits = robot, clock or RealClock(), limits or Limits()

@@ -7,23 +7,16 @@ import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-
-def _those(names: str) -> tuple[signal.Signals, ...]:
-    """Windows has few of them, and macOS not all."""
-    return tuple(getattr(signal, name) for name in names.split() if hasattr(signal, name))
-
-
-#: Requests to end: Ctrl-C, ``kill``, a closed terminal or connection, Ctrl-backslash.
-REQUESTS = _those("SIGINT SIGTERM SIGHUP SIGQUIT")
+from dntorch.process import REQUESTS, signals
 
 #: These end a program, too, if it does nothing else with them.
-OTHERS = _those("SIGUSR1 SIGUSR2 SIGALRM SIGVTALRM SIGPROF SIGXCPU SIGIO SIGPWR")
+OTHERS = signals("SIGUSR1 SIGUSR2 SIGALRM SIGVTALRM SIGPROF SIGXCPU SIGIO SIGPWR")
 
 #: Ctrl-Z; reading from a terminal or writing to it in the background.
-SUSPENDING = _those("SIGTSTP SIGTTIN SIGTTOU")
+SUSPENDING = signals("SIGTSTP SIGTTIN SIGTTOU")
 
 #: After each suspension; after SIGSTOP, of which nobody hears before, as well.
-CONTINUING = _those("SIGCONT")
+CONTINUING = signals("SIGCONT")
 
 
 class Signals:

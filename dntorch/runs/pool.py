@@ -16,7 +16,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from dntorch.process import SIGNALS, settle
+from dntorch.process import REQUESTS, settle
 
 
 class Report(Protocol):
@@ -60,7 +60,7 @@ def _begin(shared: Shared) -> None:
     _shared = shared
     settle()
     # These reach all processes of a terminal: the main one decides, workers save when told.
-    for number in SIGNALS:
+    for number in REQUESTS:
         if number is not signal.SIGTERM:
             signal.signal(number, signal.SIG_IGN)
 

@@ -12,6 +12,7 @@ import pytest
 
 import dntorch
 from dntorch.body import STEPS_PER_TURN
+from dntorch.process import REQUESTS
 from dntorch.robot.clock import RealClock, VirtualClock
 from dntorch.robot.codecs import wifi
 from dntorch.robot.codecs.rgb565 import Picture
@@ -350,11 +351,11 @@ def test_without_the_guard_nothing_stops_at_the_end():
 
 
 def test_signals_belong_to_the_program_again_after_the_block():
-    before = [signal.getsignal(number) for number in Guard.SIGNALS]
+    before = [signal.getsignal(number) for number in REQUESTS]
     bench = Bench()
     with bench.guard:
         assert signal.getsignal(signal.SIGTERM) != before[1]
-    assert [signal.getsignal(number) for number in Guard.SIGNALS] == before
+    assert [signal.getsignal(number) for number in REQUESTS] == before
     failed = []
 
     def elsewhere():  # signals can be watched in the main thread only
