@@ -182,9 +182,9 @@ def write_steps(cls: type) -> None:
             "    if torch.jit.is_scripting():\n"
             "        self.write(state)\n"
             "    else:\n"
-            "        if self._keeps:\n"
+            "        if self._long_term:\n"
             f"            self._require_finite(held_, state, {{{named}}})\n"
-            "        self._go_on(held_, state)\n"
+            "        self._write_or_restore(held_, state)\n"
             "    return output\n"
         )
         add_methods(cls, source, names)

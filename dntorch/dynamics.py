@@ -129,7 +129,9 @@ class Dynamics(Snapshots, Generic[S], metaclass=_Complete):
         self._note_memory()
         self._ready = True
         self.resize(*self._own_batch())
-        self._keeps = [] if self.mends else sorted(self._learned() & self.flat(self.state).keys())
+        self._long_term = (
+            [] if self.cleans else sorted(self._learned() & self.flat(self.state).keys())
+        )
 
     def _check_declaration(self) -> None:
         """Raise unless the class has all that a structure needs, and each part one place."""

@@ -6,10 +6,10 @@ import json
 import os
 import re
 import shutil
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
+from uuid import uuid4
 
 import numpy as np
 import torch
@@ -18,8 +18,6 @@ from dntorch.lock import PART
 from dntorch.packing import pack, unpack
 
 FORMAT = 3
-UMASK = os.umask(0o077)
-os.umask(UMASK)
 
 
 class Sink(io.RawIOBase):
@@ -61,11 +59,9 @@ def write_atomically(
     Raises:
         OSError: a full disk, say; ``path`` is as it was.
     """
-    temporary = None
+    temporary = path.with_name(f".{path.name}.{uuid4().hex}{PART}")
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PART)
-        os.chmod(temporary, 0o666 & ~UMASK)  # as other files; mkstemp makes private ones
-        with os.fdopen(handle, "wb") as file:
+        with temporary.open("xb") as file:
             sink = Sink(file)
             write(sink)
             sink.check()
@@ -75,8 +71,7 @@ def write_atomically(
             _keep(path, before)
         os.replace(temporary, path)
     except BaseException as error:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise OSError(
                 f"{path} cannot be written ({error.strerror or error}): make room, or name another "
@@ -176,7 +171,7 @@ def _read(file: BinaryIO, path: Path | None) -> dict[str, Any]:
 
 def _unreadable(path: Path | None, reason: str | None) -> ValueError:
     """The error of a file that is no checkpoint; it names the one before it, if that is whole."""
-    text = f"{path or 'the state'} is no readable checkpoint ({reason}): take another"
+    text = f"{path or 'the state'} is no readable checkpoint ({reason}): name another checkpoint"
     if path is not None and (former := before(path)).exists():
         try:
             load(former)

@@ -58,7 +58,7 @@ def owned(folder: Path, patience: float = 0.0) -> Iterator[None]:
 
 def clear_leftovers(folder: Path) -> None:
     """Remove what writers that were killed left behind, in a folder that nobody writes to."""
-    for leftover in folder.glob(f".*{PART}"):
+    for leftover in folder.glob(f".*{PART}*"):
         leftover.unlink(missing_ok=True)
 
 

@@ -14,12 +14,12 @@ class Snapshots(Memory):
     """A module whose tensors are copied, put back and loaded; see `dntorch.Dynamics`.
 
     Attributes:
-        mends: whether a step reads inputs that are not finite as 0, so that what was learned is
+        cleans: whether a step reads inputs that are not finite as 0, so that what was learned is
             safe. `forward` of all others looks at it before it is overwritten.
     """
 
-    mends: ClassVar[bool] = False
-    _keeps: list[str]
+    cleans: ClassVar[bool] = False
+    _long_term: list[str]
 
     @torch.jit.unused
     def snapshot(self) -> dict[str, Tensor]:
@@ -72,9 +72,8 @@ class Snapshots(Memory):
             ) from None
         for name in sorted(held.keys() | given.keys()):
             if name not in given or name not in held:
-                there, here = ("no", "one") if name in held else ("one", "no")
                 raise ValueError(
-                    f"the state has {there} {name}, {type(self).__name__} has {here}: give what "
+                    f"the state {_lacks(name, type(self).__name__, name in held)}: give what "
                     "state or initial(batch) is"
                 )
         learned = self._learned()
@@ -96,7 +95,7 @@ class Snapshots(Memory):
         return {f"{path}.{name}".lstrip(".") for path, _, name in memories(self)}
 
     @torch.jit.unused
-    def _go_on(self, held: Any, state: Any) -> None:
+    def _write_or_restore(self, held: Any, state: Any) -> None:
         """`write`, or leave all as it was where a part of the new state does not fit."""
         try:
             self.write(state)
@@ -109,7 +108,7 @@ class Snapshots(Memory):
         """Raise unless what was learned stays finite: one bad number would erase it for ever."""
         if torch.compiler.is_compiling() or torch.jit.is_tracing():
             return
-        for name in self._keeps:
+        for name in self._long_term:
             ahead = _entry(state, name).detach()
             # A sum first, which is faster; one of finite numbers may be infinite.
             if ahead.is_meta or math.isfinite(ahead.sum()) or bool(ahead.isfinite().all()):
@@ -144,9 +143,8 @@ class Snapshots(Memory):
         """
         own = super().state_dict().keys()
         for name in sorted(own ^ state_dict.keys()) if strict else ():
-            there, here = ("no", "one") if name in own else ("one", "no")
             raise ValueError(
-                f"the state_dict has {there} {name}, {type(self).__name__} has {here}: build the "
+                f"the state_dict {_lacks(name, type(self).__name__, name in own)}: build the "
                 "structure with the arguments it was saved with, or give strict=False"
             )
         return super().load_state_dict(state_dict, strict, assign)
@@ -187,6 +185,12 @@ class Snapshots(Memory):
             with torch.no_grad():
                 for name, value in numbers.items():
                     own[name].copy_(value)
+
+
+def _lacks(name: str, owner: str, owned: bool) -> str:
+    """What stands in a sentence between the name of something and the remedy."""
+    there, here = ("no", "one") if owned else ("one", "no")
+    return f"has {there} {name}, {owner} has {here}"
 
 
 def _entry(state: Any, name: str) -> Tensor:

@@ -8,10 +8,10 @@ import click
 from dntorch.body import AXLE, DISTANCE, FOV, RATE
 from dntorch.colors import PAPER
 from dntorch.commands.common import Computing, refuse_options
-from dntorch.commands.extras import require
 from dntorch.commands.kinds import NEW_FILE, OLD_FILE, Number
 from dntorch.commands.options import COLORS
 from dntorch.commands.target import OF_THE_EMULATOR, open_target, options_of_target
+from dntorch.extras import require
 from dntorch.runs.config import Config
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ import socket
 
 import click
 
-from dntorch.commands.extras import require
 from dntorch.commands.kinds import Parsed
+from dntorch.extras import require
 
 PATIENCE = 3.0
 """s, for a cluster to answer."""
@@ -18,7 +18,7 @@ SETTINGS = bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
 def _ray(address: str) -> str:
     """The address of a cluster at which somebody answers: Ray would wait for long."""
     require("ray", instead="leave --ray out")
-    from dntorch.robot.transports import check_port
+    from dntorch.robot.transports import PORTS
 
     if address in ("local", "auto"):
         return address
@@ -26,7 +26,7 @@ def _ray(address: str) -> str:
     try:
         if place is None:
             raise ValueError
-        check_port(port := int(place[2]))
+        PORTS.check("port", port := int(place[2]))
         _greet(place[1], port)
     except OSError as error:
         raise ValueError(

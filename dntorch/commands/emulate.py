@@ -9,10 +9,10 @@ import click
 
 from dntorch.colors import PAPER
 from dntorch.commands.common import Computing, refuse_options
-from dntorch.commands.extras import require
 from dntorch.commands.kinds import Parsed, whole
 from dntorch.commands.options import COLORS
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
+from dntorch.extras import require
 from dntorch.process import end_when_asked
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from pathlib import Path
 import click
 
 from dntorch.commands.common import Computing
-from dntorch.commands.extras import require
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FILE, OLD_FOLDER
+from dntorch.extras import require
 from dntorch.process import can_compile
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from dntorch.commands.common import OF_A_RUN, RUNS, Computing, new_folder, refuse_options
-from dntorch.commands.extras import has, require
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FOLDER
 from dntorch.commands.options import CHECKPOINT_EVERY, COMPILE, build_config, options_of_a_run
+from dntorch.extras import has, require
 from dntorch.lock import owned
 from dntorch.process import end_when_asked, pays
 from dntorch.runs.config import Config

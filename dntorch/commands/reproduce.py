@@ -14,9 +14,9 @@ from dntorch.commands.common import (
     new_folder,
     refuse_options,
 )
-from dntorch.commands.extras import require
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FOLDER, whole
 from dntorch.commands.options import build_config, options_of_a_run, spelled
+from dntorch.extras import require
 from dntorch.process import end_when_asked
 from dntorch.runs.config import FIELDS, Config, kept_config
 from dntorch.runs.worlds import WORLDS

@@ -12,9 +12,9 @@ import click
 from dntorch.body import EPUCK, FASTEST
 from dntorch.commands.calibrate import calibrate, measure
 from dntorch.commands.common import Computing, new_folder
-from dntorch.commands.extras import require
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FILE, OLD_FOLDER, Number, whole
 from dntorch.commands.target import Target, open_target, options_of_target
+from dntorch.extras import require
 from dntorch.process import end_when_asked, postponed
 from dntorch.quantities import Interval
 from dntorch.runs.config import LONGEST, Config

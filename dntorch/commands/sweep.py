@@ -18,7 +18,6 @@ from dntorch.commands.common import (
     new_folder,
     refuse_options,
 )
-from dntorch.commands.extras import require
 from dntorch.commands.grid import SEEDS, SET
 from dntorch.commands.kinds import NEW_FOLDER, whole
 from dntorch.commands.options import (
@@ -27,6 +26,7 @@ from dntorch.commands.options import (
     build_config,
     options_of_a_run,
 )
+from dntorch.extras import require
 from dntorch.lock import owned
 from dntorch.process import end_when_asked
 from dntorch.runs.config import Config

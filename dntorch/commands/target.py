@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from dntorch.commands.common import refuse_options
-from dntorch.commands.extras import require
 from dntorch.commands.kinds import Parsed, once, whole
+from dntorch.extras import require
 
 if TYPE_CHECKING:
     from dntorch.robot.clock import Clock

@@ -85,12 +85,8 @@ def hardware(
     return HardwareEnv(
         driver,
         clock,
+        build_task(config),
         senses=senses_of(config),
-        sequence=config.sequence,
-        colors=config.colors,
-        reward=config.reward,
-        reward_duration=config.reward_duration,
-        dt=config.dt,
         body=Body(width=config.width, height=config.height),
         calibration=calibration,
         limits=Limits(speed=speed, watchdog=driver.dialect.watchdog),

@@ -10,10 +10,9 @@ import torch
 from gymnasium import spaces
 
 from dntorch.body import EPUCK, Body
-from dntorch.colors import PAPER, SEQUENCE, check_colors
 from dntorch.envs.senses import PROXIMITY_TABLE, SENSES
 from dntorch.envs.sensors import observation_space
-from dntorch.envs.task import NOTHING, REWARD, REWARD_DURATION, SequenceTask
+from dntorch.envs.task import NOTHING, SequenceTask
 from dntorch.quantities import check_quantities, per_second
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock
@@ -28,8 +27,8 @@ class HardwareEnv(gymnasium.Env):
     Action and observation are those of ``EPuckEnv``: wheel speeds in rad/s; ``image``,
     ``wheels`` and ``proximity``, or only those that ``senses`` names. Images are corrected and
     shown as the camera of ``body`` would see them, so that a block is as wide as the agent
-    expects; what lies beyond the true camera's view is black. One step takes ``dt`` seconds of
-    the clock. Nobody knows the truth here, so there is no ``bearing``; what counts as found is
+    expects; what lies beyond the true camera's view is black. One step takes ``task.dt`` seconds
+    of the clock. Nobody knows the truth here, so there is no ``bearing``; what counts as found is
     what the agent reports, before the step, or a key press that is rewarded by itself.
 
     ============ ======== ===============================================================
@@ -52,8 +51,7 @@ class HardwareEnv(gymnasium.Env):
     Args:
         robot: what to drive; it is put behind a `Guard`.
         clock: real time unless you say otherwise; the robot's.
-        sequence, colors, reward, reward_duration: of the task.
-        dt: s, one step.
+        task: what is rewarded, and the length of one step.
         body: what the agent was made for: size and field of view of the image, speed cap.
         calibration: what the robot's camera is like.
         senses: names in the observation.
@@ -72,12 +70,8 @@ class HardwareEnv(gymnasium.Env):
         self,
         robot: Robot,
         clock: Clock | None = None,
+        task: SequenceTask | None = None,
         *,
-        sequence: str = SEQUENCE,
-        colors: str = PAPER,
-        reward: float = REWARD,
-        reward_duration: float = REWARD_DURATION,
-        dt: float = 1 / 32,
         body: Body = EPUCK,
         calibration: Calibration | None = None,
         senses: Sequence[str] = SENSES,
@@ -85,18 +79,27 @@ class HardwareEnv(gymnasium.Env):
         key: Callable[[], bool] = lambda: False,
         patience: float = 10.0,
     ) -> None:
-        check_quantities(dt=dt, patience=patience)
-        self.metadata = {**self.metadata, "render_fps": per_second(dt)}
-        self.colors, self.dt, self.body, self.patience = check_colors(colors), dt, body, patience
+        check_quantities(patience=patience)
+        self.task, self.body, self.patience = task or SequenceTask(), body, patience
+        self.metadata = {**self.metadata, "render_fps": per_second(self.dt)}
         self.clock, self.calibration = clock or RealClock(), calibration or Calibration()
         self.guard = Guard(robot, self.clock, limits or Limits(speed=body.speed_cap))
-        self.task = SequenceTask(sequence, colors, reward, reward_duration, dt)
         self.key, self._found, self._pressed = key, NOTHING, 0
         self._frame: Frame | None = None
         self._connected, self._ready = False, False
         cap = body.speed_cap
         self.action_space = spaces.Box(-cap, cap, (2,), np.float32)
         self.observation_space = observation_space(body, senses)
+
+    @property
+    def colors(self) -> str:
+        """Letters of the repertoire."""
+        return self.task.colors
+
+    @property
+    def dt(self) -> float:
+        """s, one control step."""
+        return self.task.dt
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Stop, wait for a frame, and begin the task anew. The robot stays where it is."""

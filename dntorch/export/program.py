@@ -6,7 +6,6 @@ whoever runs a program holds its state, and can see, save and set it.
 """
 
 import contextlib
-import importlib.util
 import inspect
 import io
 import logging
@@ -19,6 +18,7 @@ from torch import Tensor, nn
 from torch.utils import _pytree as pytree
 
 from dntorch.export.boundary import Boundary
+from dntorch.extras import require
 from dntorch.files import write_atomically
 
 NEXT = "next."
@@ -87,7 +87,7 @@ def write_export(
 
 
 def write_onnx(exported: torch.export.ExportedProgram, functional: Functional, path: Path) -> None:
-    _require("onnx", "onnxscript", extra="export")
+    require("onnx", "onnxscript")
     names = {"input_names": functional.takes, "output_names": functional.gives}
     with _quiet():
         made = torch.onnx.export(exported, **names, dynamo=True, verbose=False)
@@ -105,7 +105,7 @@ def write_aotinductor(
 def write_executorch(
     exported: torch.export.ExportedProgram, functional: Functional, path: Path
 ) -> None:
-    _require("executorch", extra="executorch")
+    require("executorch")
     from executorch.exir import to_edge
 
     # PyTorch's own decomposition of lerp copies strides, for which ExecuTorch has no kernel.
@@ -133,11 +133,3 @@ def _quiet() -> Iterator[None]:
             yield
     finally:
         log.setLevel(level)
-
-
-def _require(*packages: str, extra: str) -> None:
-    missing = [name for name in packages if importlib.util.find_spec(name) is None]
-    if missing:
-        raise ImportError(
-            f"{', '.join(missing)} is not installed: run pip install 'dntorch[{extra}]'"
-        )

@@ -26,6 +26,9 @@ LARGEST = 1 << 30
 """Bytes of a record, unpacked, at most."""
 
 
+ABSENT = "{} does not exist: name a folder of an export"
+
+
 class Unfit(Exception):
     """An artefact, a manifest or a record that can't be used; says why."""
 
@@ -50,7 +53,7 @@ def content_of(folder, name):
 def read(folder):
     """Manifest and golden record."""
     if not (folder / MANIFEST).exists():
-        raise NoExport(f"{folder / MANIFEST} does not exist: name a folder of an export")
+        raise NoExport(ABSENT.format(folder / MANIFEST))
     try:
         manifest = json.loads(content_of(folder, MANIFEST))
         if manifest.get("format") != FORMAT:

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from dntorch.export.reading import NoExport, Unfit, at_rest, read, steps, untouched
-from dntorch.export.runtimes import RUNTIMES
-from dntorch.export.safety import check_safe
+from dntorch.export.runtimes import LOADERS
+from dntorch.export.trust import check_safe
 
 # ---------------------------------------------------------------- what is compared
 
@@ -133,10 +133,10 @@ def verify(folder, trust=False):
         try:
             untouched(folder, name, entry)
             if "runtime" in entry:
-                if entry["runtime"] not in [*RUNTIMES]:
-                    raise Unfit(f"is for {entry['runtime']!r}: known are {', '.join(RUNTIMES)}")
+                if entry["runtime"] not in [*LOADERS]:
+                    raise Unfit(f"is for {entry['runtime']!r}: known are {', '.join(LOADERS)}")
                 check_safe(folder / name, entry["runtime"], trust)
-                artefact = RUNTIMES[entry["runtime"]](folder / name, manifest)
+                artefact = LOADERS[entry["runtime"]](folder / name, manifest)
                 lines, wrong = check(artefact, entry["runtime"], manifest, record)
         except ImportError as error:
             wrong = [f"{error}: install it, or delete the entry"]

@@ -104,7 +104,7 @@ class Onnx(Function):
         return self.session.run(None, dict(zip(self.takes, arrays)))
 
 
-RUNTIMES = {
+LOADERS = {
     "torchscript": Script,
     "export": Export,
     "onnx": Onnx,

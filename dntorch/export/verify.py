@@ -6,14 +6,14 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from dntorch.export import reading, replay, runtimes, safety
+from dntorch.export import reading, replay, runtimes, trust
 
 OWN = re.compile(r"^from dntorch\.export\.\w+ import (?:\([^)]*\)|.*)\n", re.MULTILINE)
 
 
 def checking_program() -> str:
     """The program as one file, which needs no other of this package."""
-    parts = [Path(part.__file__).read_text() for part in (reading, safety, runtimes, replay)]
+    parts = [Path(part.__file__).read_text() for part in (reading, trust, runtimes, replay)]
     return f'"""{replay.__doc__}"""\n\n' + "\n\n".join(OWN.sub("", part) for part in parts)
 
 
@@ -28,7 +28,7 @@ def verify(folder: Path, trust: bool = False) -> bool:
         ValueError: no export there.
     """
     if not (folder / reading.MANIFEST).exists():
-        raise ValueError(f"{folder / reading.MANIFEST} does not exist: name a folder of an export")
+        raise ValueError(reading.ABSENT.format(folder / reading.MANIFEST))
     with TemporaryDirectory() as own:  # not the program in the folder, which is as it was sent
         path = Path(own, "verify.py")
         path.write_text(checking_program())

@@ -62,7 +62,8 @@ class DNSarsa(Dynamics[AgentState]):
     snapshot, but in no checkpoint of learned values.
 
     A NaN or infinity in observation, reward or noise counts as 0 (nothing seen, no reward, no
-    noise) and is counted in ``ignored``: what was learned is never lost to one bad number.
+    noise) and is counted in ``ignored``; one in the match that a sensorimotor part of your own
+    makes counts as 0 too. So what was learned is never lost to one bad number.
 
     ``agent.learn(False)`` stops learning. ``agent.eval()`` does not: an agent learns while it
     lives, and has no layer that behaves otherwise in evaluation.
@@ -86,7 +87,7 @@ class DNSarsa(Dynamics[AgentState]):
 
     __jit_unused_properties__ = ("senses",)
     lasting = ("decisions", "ignored")
-    mends = True
+    cleans = True
     decisions: Tensor
     ignored: Tensor
 
@@ -209,7 +210,7 @@ class DNSarsa(Dynamics[AgentState]):
         intention, satisfaction = rates
         weights = state.learner.values.weights
         inner = self.sensorimotor.nested(state.sensorimotor)
-        match = self.sensorimotor.match(observation, inner).clamp(-100.0, 100.0)
+        match = finite(self.sensorimotor.match(observation, inner)).clamp(-100.0, 100.0)
         inner = self.sensorimotor.advance(observation, intention, inner)
         return AgentState(
             self.sensorimotor.flat(inner),

@@ -14,7 +14,7 @@ from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
 from dntorch.rl.buffers import StateBuffers
 from dntorch.rl.form import check_agent, check_form, spec_of, written
-from dntorch.rl.state import pack, unpack
+from dntorch.rl.state import from_tensors, to_tensors
 from dntorch.rl.transforms import AgentPrimer
 
 
@@ -236,9 +236,9 @@ class AgentPolicy(TensorDictModuleBase):
 
     def get_extra_state(self) -> dict[str, Tensor]:
         """All that an exact resume needs; the rest of ``state_dict`` is what was learned."""
-        return pack({"agent": self.agent.snapshot(), "steps": self.steps})
+        return to_tensors({"agent": self.agent.snapshot(), "steps": self.steps})
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
-        content = unpack(state)
+        content = from_tensors(state)
         self.agent.restore(content["agent"])
         self.steps.copy_(content["steps"])

@@ -8,7 +8,7 @@ from torch import Tensor
 from dntorch import files
 
 
-def pack(content: dict[str, Any]) -> dict[str, Tensor]:
+def to_tensors(content: dict[str, Any]) -> dict[str, Tensor]:
     """A checkpoint as bytes: collectors send nothing between processes but dicts of tensors.
 
     Raises:
@@ -17,6 +17,6 @@ def pack(content: dict[str, Any]) -> dict[str, Tensor]:
     return {"bytes": torch.frombuffer(bytearray(files.to_bytes(content)), dtype=torch.uint8)}
 
 
-def unpack(packed: dict[str, Tensor]) -> dict[str, Any]:
-    """The content of `pack`, without running any code that it might bring."""
-    return files.from_bytes(packed["bytes"].numpy().tobytes())
+def from_tensors(tensors: dict[str, Tensor]) -> dict[str, Any]:
+    """The content of `to_tensors`, without running any code that it might bring."""
+    return files.from_bytes(tensors["bytes"].numpy().tobytes())

@@ -11,7 +11,7 @@ from torchrl.envs import EnvBase, GymWrapper
 from torchrl.envs.transforms import TensorDictPrimer, Transform
 
 from dntorch.cells.functions import came_on
-from dntorch.rl.state import pack, unpack
+from dntorch.rl.state import from_tensors, to_tensors
 
 
 class LastReward(Transform):
@@ -57,10 +57,10 @@ class LastReward(Transform):
         return observation_spec
 
     def get_extra_state(self) -> dict[str, Tensor]:
-        return pack({} if self.latest is None else {"latest": self.latest})
+        return to_tensors({} if self.latest is None else {"latest": self.latest})
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
-        self.latest = unpack(state).get("latest")
+        self.latest = from_tensors(state).get("latest")
 
 
 class AgentPrimer(TensorDictPrimer):
@@ -97,10 +97,12 @@ class AgentPrimer(TensorDictPrimer):
         self.latest = self.begin
 
     def get_extra_state(self) -> dict[str, Tensor]:
-        return pack(self.latest.to_dict())
+        return to_tensors(self.latest.to_dict())
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
-        self.latest = TensorDict(unpack(state), self.begin.batch_size, device=self.begin.device)
+        self.latest = TensorDict(
+            from_tensors(state), self.begin.batch_size, device=self.begin.device
+        )
 
 
 class Report(Transform):
@@ -164,17 +166,17 @@ class Resumable(Transform):
 
     def get_extra_state(self) -> dict[str, Tensor]:
         if not self._begun:
-            return pack({})
+            return to_tensors({})
         content: dict[str, Any] = {}
         world, collector = world_of(self.parent), self.collector
         if hasattr(world, "state_dict"):
             content["world"] = world.state_dict()
         if collector is not None:
             content["shown"] = collector._carrier.select(*_shown(collector.env)).to_dict()
-        return pack(content)
+        return to_tensors(content)
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
-        content, collector = unpack(state), self.collector
+        content, collector = from_tensors(state), self.collector
         if not content:
             return
         if collector is not None:

@@ -8,6 +8,8 @@ import socket
 import time
 from typing import Protocol
 
+from dntorch.extras import require
+from dntorch.quantities import Interval
 from dntorch.robot.clock import RealClock
 from dntorch.robot.codecs.wifi import PORT
 from dntorch.robot.link import BROKEN, Arrivals, LinkLost, TerminalError, losing
@@ -49,10 +51,8 @@ class Transport(Protocol):
         """
 
 
-def check_port(port: int, least: int = 1) -> None:
-    """Raise for a number that is no port; the system would take its last 16 bits in silence."""
-    if not least <= port <= 65535:
-        raise ValueError(f"port={port}: give a whole number from {least} to 65535")
+PORTS = Interval(1, 65535, whole=True)
+"""Of another number the system would take the last 16 bits in silence."""
 
 
 class Tcp:
@@ -70,7 +70,7 @@ class Tcp:
     def __init__(
         self, host: str, port: int = PORT, patience: float = 5.0, wait: float = 0.05
     ) -> None:
-        check_port(port)
+        PORTS.check("port", port)
         self.host, self.port, self.patience, self.wait = host, port, patience, wait
         self._socket: socket.socket | None = None
         self._arrivals = Arrivals(wait)
@@ -152,12 +152,9 @@ class Serial:
         return self._port.fileno() if self._port and os.name == "posix" else None
 
     def open(self) -> None:
-        try:
-            import serial
-        except ImportError as error:
-            raise ImportError(
-                "a robot on a serial line needs pyserial: run pip install pyserial"
-            ) from error
+        require("serial")
+        import serial
+
         self.close()
         try:
             self._port = serial.Serial(

@@ -41,7 +41,7 @@ def _above_zero(most: float) -> Interval:
 LONGEST = 10_000_000
 """Control steps of a run at most: three and a half days at 32 a second, of which everything is
 remembered."""
-LETTERS = 64
+LONGEST_TEXT = 64
 """Of a sequence, at most."""
 
 TEXT = "; ".join(f"{name}: {row.text}" for name, row in WORLDS.items()) + "."
@@ -121,8 +121,8 @@ def check_setting(name: str, value: Any, label: str | None = None) -> None:
         if value not in metadata["choices"]:
             choices = ", ".join(metadata["choices"])
             raise ValueError(f"{label}={shown(value)} is unknown: choose from {choices}")
-    elif not isinstance(value, str) or len(value) > LETTERS:
-        raise ValueError(f"{label}={shown(value)}: give a text of at most {LETTERS} letters")
+    elif not isinstance(value, str) or len(value) > LONGEST_TEXT:
+        raise ValueError(f"{label}={shown(value)}: give a text of at most {LONGEST_TEXT} letters")
 
 
 def kept_config(values: Any, path: Path) -> Config:

@@ -12,6 +12,7 @@ import torch
 
 from dntorch.envs.adaptor import GymWorld
 from dntorch.envs.task import NOTHING
+from dntorch.lock import PART
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.quantities import check_quantities, per_second
 from dntorch.runs.config import Config
@@ -60,7 +61,7 @@ def film(agent: DNSarsa, config: Config, moments: Iterator[Moment], path: Path, 
         RuntimeError: as `write_video`.
     """
     path = Path(path)
-    partial = path.with_name(f".{path.stem}.part.webm")
+    partial = path.with_name(f".{path.stem}{PART}.webm")
     pace = per_second(stride_of(fps, config) * config.dt)
     writer = cv2.VideoWriter(str(partial), cv2.VideoWriter.fourcc(*"VP80"), pace, SIZE)
     try:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from robot_worlds import Turntable
+from waiting import wait
 
 pytest.importorskip("pybullet")
 
@@ -20,7 +21,6 @@ from dntorch.cli import main
 from dntorch.commands.robot import _enter
 from dntorch.drive.fit import load_agent
 from dntorch.robot.calibration import Calibration
-from dntorch.robot.clock import RealClock
 from dntorch.robot.emulated.emulator import Emulator
 from dntorch.robot.emulated.firmware import WifiFirmware
 from dntorch.robot.emulated.servers import TcpServer
@@ -219,14 +219,6 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, names, dntorch, traine
 
 
 # ---------------------------------------------------------------- processes of their own
-
-
-def wait(condition, seconds: float = 60.0) -> bool:
-    clock = RealClock()
-    end = clock.now() + seconds
-    while not condition() and clock.now() < end:
-        clock.sleep_until(clock.now() + 0.01)
-    return condition()
 
 
 def test_the_served_emulator_keeps_the_last_speed_of_a_foreign_client(tmp_path):

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from dntorch import files
 from dntorch.commands import dntorch
-from dntorch.commands.extras import EXTRAS, has, require
+from dntorch.extras import EXTRAS, has, require
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
 

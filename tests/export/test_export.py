@@ -346,7 +346,7 @@ def test_torchscript_has_the_methods_of_the_agent(exported) -> None:
 
 
 def stateless(exported, name: str, manifest):
-    artefact = replay.RUNTIMES[{"agent.pt2": "export", "agent.onnx": "onnx"}[name]]
+    artefact = replay.LOADERS[{"agent.pt2": "export", "agent.onnx": "onnx"}[name]]
     return artefact(exported / name, manifest)
 
 

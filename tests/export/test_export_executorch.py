@@ -32,6 +32,6 @@ def test_the_agent_runs_in_executorch_and_keeps_what_it_knows(tmp_path: Path, ca
     export_structure(agent, tmp_path, rows(3), ["executorch"], "agent")
     assert replay.verify(tmp_path), capsys.readouterr().out
     manifest, _ = replay.read(tmp_path)
-    held = replay.RUNTIMES["executorch"](tmp_path / "agent.pte", manifest).state()
+    held = replay.LOADERS["executorch"](tmp_path / "agent.pte", manifest).state()
     assert (held["learner.values.weights"] == 0.25).all()
     assert (held["behaviors.intention.u"] == -5).all()

@@ -197,7 +197,7 @@ def test_an_artefact_shares_no_memory_with_its_source() -> None:
 def artefact(folder: Path, runtime: str):
     """An exported structure behind the face of `replay`."""
     manifest, _ = replay.read(folder)
-    return replay.RUNTIMES[runtime](folder / f"structure{RUNTIMES[runtime]}", manifest)
+    return replay.LOADERS[runtime](folder / f"structure{RUNTIMES[runtime]}", manifest)
 
 
 def arrays(tensors: dict[str, Tensor]) -> dict[str, np.ndarray]:

@@ -16,7 +16,7 @@ import pytest
 import torch
 
 import dntorch
-from dntorch.export import export_structure, reading, replay, safety, verify
+from dntorch.export import RUNTIMES, export_structure, reading, replay, trust, verify
 
 SAMPLE, CONSTANTS = "data/sample_inputs/model.pt", "data/constants/model_constants_config.json"
 
@@ -229,9 +229,14 @@ def test_torchscript_with_a_pickle_of_python_is_not_loaded(copy, tmp_path, capsy
     assert "pickle that names" in capsys.readouterr().out and not (tmp_path / "ran").exists()
 
 
+def test_every_format_has_a_loader_and_a_rule_of_trust() -> None:
+    ruled = [*trust.NATIVE, *trust.DATA, *trust.CHECKS]
+    assert sorted(ruled) == sorted(RUNTIMES) == sorted(replay.LOADERS)
+
+
 def test_native_code_is_loaded_only_if_trusted(copy, capsys, monkeypatch) -> None:
     loaded = []
-    monkeypatch.setitem(replay.RUNTIMES, "aotinductor", lambda path, _: loaded.append(path))
+    monkeypatch.setitem(replay.LOADERS, "aotinductor", lambda path, _: loaded.append(path))
     (copy / "structure.aoti.pt2").write_bytes(b"native")
     entry = {"runtime": "aotinductor"}
     change(copy, lambda m: m["files"].update({"structure.aoti.pt2": entry}))
@@ -245,8 +250,8 @@ def test_native_code_is_loaded_only_if_trusted(copy, capsys, monkeypatch) -> Non
 def test_what_the_exporter_writes_is_loaded(exported, capsys) -> None:
     assert replay.verify(exported), capsys.readouterr().out
     for name, check in (
-        ("structure.pt2", safety.check_program),
-        ("structure.ts", safety.check_script),
+        ("structure.pt2", trust.check_program),
+        ("structure.ts", trust.check_script),
     ):
         check(exported / name)
 

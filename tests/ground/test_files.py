@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from dntorch import files
-from dntorch.rl.state import pack, unpack
+from dntorch.rl.state import from_tensors, to_tensors
 
 CONTENT = {"weights": torch.arange(300.0), "config": {"noise": 10.0}, "steps": np.arange(50)}
 
@@ -50,7 +50,7 @@ def test_a_part_of_a_checkpoint_is_refused(size: int, tmp_path: Path) -> None:
     path = tmp_path / "c.pt"
     files.save(path, CONTENT)
     path.write_bytes(path.read_bytes()[:size])
-    assert "take another" in refusal(path)
+    assert "name another" in refusal(path)
 
 
 def test_a_damaged_one_before_is_not_named(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_a_checksum_that_was_adapted_runs_no_code_either(tmp_path: Path, monkeyp
 
 
 def test_a_folder_is_no_checkpoint(tmp_path: Path) -> None:
-    assert "take another" in refusal(tmp_path)
+    assert "name another" in refusal(tmp_path)
 
 
 # ---------------------------------------------------------------- no room
@@ -192,7 +192,7 @@ REFUSED = {
 def test_what_could_not_be_loaded_is_refused_at_the_save(name: str, tmp_path: Path) -> None:
     value, words = REFUSED[name]
     files.save(tmp_path / "c.pt", {"step": 1})
-    for save in (pack, partial(files.save, tmp_path / "c.pt")):
+    for save in (to_tensors, partial(files.save, tmp_path / "c.pt")):
         with pytest.raises(ValueError) as raised:
             save({"world": {"extra": value}})
         assert words in str(raised.value)
@@ -211,7 +211,7 @@ SAVED = [
 @pytest.mark.parametrize("value", SAVED, ids=repr)
 def test_what_saves_loads(value, tmp_path: Path) -> None:
     files.save(tmp_path / "c.pt", {"value": value})
-    for loaded in (files.load(tmp_path / "c.pt"), unpack(pack({"value": value}))):
+    for loaded in (files.load(tmp_path / "c.pt"), from_tensors(to_tensors({"value": value}))):
         if isinstance(value, torch.Tensor):
             assert torch.equal(loaded["value"], value)
         elif isinstance(value, np.ndarray):

@@ -62,14 +62,14 @@ def test_who_has_patience_gets_it_when_its_owner_ends(owner, tmp_path: Path) -> 
 
 
 def test_leftovers_are_removed_once_it_is_owned(owner, tmp_path: Path) -> None:
-    part = tmp_path / ".checkpoint.pt.x.part"
-    part.touch()
+    part, film = tmp_path / ".checkpoint.pt.x.part", tmp_path / ".video.part.webm"
+    part.touch(), film.touch()
     with pytest.raises(ValueError, match="in use"), owned(tmp_path):
         pass
     assert part.exists()  # the owner may be writing it
     owner.kill()
     with owned(tmp_path, patience=60):
-        assert not part.exists()
+        assert not part.exists() and not film.exists()
 
 
 def test_an_error_gives_it_back(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from dntorch import DNSarsa, FindColor, Repertoire, Sensorimotor
 from dntorch.cells.working_memory import WorkingMemoryState
 from dntorch.envs import EPuckEnv, HardwareEnv, sensors
 from dntorch.envs.adaptor import tensors
+from dntorch.modules.sensorimotor import Direct
 from dntorch.rl import AgentPolicy
 from dntorch.runs.collect import collected
 from dntorch.runs.config import Config
@@ -223,3 +224,20 @@ def test_a_reward_of_nan_is_counted_and_teaches_nothing(bad, first: bool, carrie
         policy.adopt(torch.stack([done]))
     assert agent.ignored == 1 and not agent.weights.any()
     assert all(x.isfinite().all() for x in agent.snapshot().values())
+
+
+class Blind(Direct):
+    """Its own arithmetic makes a number that is none."""
+
+    def match(self, observation: dict[str, Tensor], state: dict[str, Tensor]) -> Tensor:
+        return observation["match"] / 0
+
+
+@pytest.mark.parametrize("seen", [0.0, 1.0], ids=["nan", "inf"])
+def test_a_match_of_ones_own_that_is_none_teaches_nothing(seen: float) -> None:
+    agent = DNSarsa(2, Blind())
+    learner = agent.state.learner._replace(trace=WorkingMemoryState(torch.full((2, 2), 0.4)))
+    agent.state = agent.state._replace(learner=learner)
+    for _ in range(100):
+        agent({"match": torch.full((2,), seen)}, torch.tensor(1.0), torch.zeros(2, 2))
+    assert all(x.isfinite().all() for x in agent.snapshot().values()) and agent.weights.any()

@@ -24,7 +24,7 @@ class Emulated:
         self.found: list[int] = []
         self.setup = Setup(pacing="request", world=self.world, on_step=self.see)
         hardware = HardwareEnv(
-            self.setup.driver, self.setup.clock, colors=colors, sequence="GB",
+            self.setup.driver, self.setup.clock, SequenceTask("GB", colors),
             calibration=Calibration(fov=body.fov),
         )  # fmt: skip
         self.env = wrap(hardware, found=Unbounded((), dtype=torch.int64))

@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from waiting import wait
 
 pytest.importorskip("pybullet")
 
 from dntorch.envs import EPuckEnv
-from dntorch.robot.clock import RealClock
 from dntorch.robot.emulated.emulator import WIFI_BODY, Emulator
 from dntorch.robot.emulated.firmware import WifiFirmware
 from dntorch.robot.emulated.servers import TcpServer
@@ -34,14 +34,6 @@ def arguments(emulator, *more):
     return [sys.executable, "-S", str(CLIENT), server.host, str(server.port), *more]
 
 
-def wait_for(condition, seconds=10.0):
-    clock = RealClock()
-    end = clock.now() + seconds
-    while not condition() and clock.now() < end:
-        clock.sleep_until(clock.now() + 0.01)
-    return condition()
-
-
 def test_a_foreign_client_sees_turns_and_stops(emulator):
     assert "dntorch" not in CLIENT.read_text()
     done = subprocess.run(arguments(emulator), capture_output=True, text=True, timeout=60)
@@ -57,11 +49,11 @@ def test_a_foreign_client_sees_turns_and_stops(emulator):
 def test_after_sigkill_the_firmware_keeps_the_last_speed(emulator):
     client = subprocess.Popen(arguments(emulator, "--hang"), stdout=subprocess.PIPE, text=True)
     assert client.stdout.readline() == "driving\n"
-    assert wait_for(lambda: emulator.speeds == (-80, 80))
+    assert wait(lambda: emulator.speeds == (-80, 80))
     client.send_signal(signal.SIGKILL)
     client.wait()
     client.stdout.close()
     start = emulator.steps
-    assert wait_for(lambda: emulator.steps > start + 20)
+    assert wait(lambda: emulator.steps > start + 20)
     keeps = emulator.firmware.pacing == "firmware"  # Webots' server stops
     assert (emulator.speeds == (-80, 80)) is keeps

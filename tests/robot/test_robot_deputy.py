@@ -10,6 +10,7 @@ import time
 
 import pytest
 from robot_worlds import Turntable
+from waiting import LONG, wait
 
 from dntorch.robot.clock import RealClock
 from dntorch.robot.deputy import Deputy
@@ -21,8 +22,6 @@ from dntorch.robot.emulated.servers import MemoryServer, PtyServer, TcpServer
 from dntorch.robot.transports import Tcp
 
 STOP = b"stop!"
-LONG = 20.0
-"""s that a busy machine may take"""
 
 
 @pytest.fixture
@@ -35,13 +34,6 @@ def link():
 
 def heard(robots: socket.socket, seconds: float) -> bytes:
     return robots.recv(100) if select.select([robots], [], [], seconds)[0] else b""
-
-
-def wait(condition, seconds: float = LONG) -> bool:
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    return condition()
 
 
 def test_it_stops_a_robot_that_moves_and_nobody_speaks_of(link):

@@ -12,6 +12,7 @@ pytest.importorskip("pybullet")
 from dntorch.body import Body  # noqa: E402
 from dntorch.envs import EPuckEnv  # noqa: E402
 from dntorch.envs.hardware import HardwareEnv  # noqa: E402
+from dntorch.envs.task import SequenceTask  # noqa: E402
 from dntorch.robot.calibration import Calibration  # noqa: E402
 from dntorch.robot.codecs import wifi  # noqa: E402
 from dntorch.robot.emulated.camera import Camera  # noqa: E402
@@ -85,7 +86,7 @@ def test_wrong_actions_stop_the_robot():
 
 def test_the_task_rewards_what_the_agent_reports():
     setup = Setup(pacing="request")
-    env = env_on(setup, reward=3.0, reward_duration=0.25)
+    env = env_on(setup, task=SequenceTask(reward=3.0, duration=0.25))
     env.reset()
     rewards, completed = [], []
     for color in "GBYRG":
@@ -101,7 +102,7 @@ def test_the_task_rewards_what_the_agent_reports():
 
 def test_a_key_press_is_rewarded():
     setup, pressed = Setup(pacing="request"), iter([False, True] + 20 * [False])
-    env = env_on(setup, reward_duration=0.25, key=lambda: next(pressed))
+    env = env_on(setup, task=SequenceTask(duration=0.25), key=lambda: next(pressed))
     env.reset()
     rewards = [env.step(np.zeros(2))[1] for _ in range(20)]
     assert rewards == [0.0] + [2.0] * 8 + [0.0] * 11

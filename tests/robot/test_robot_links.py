@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from waiting import wait
 
 from dntorch.robot.clock import RealClock, VirtualClock
 from dntorch.robot.codecs import wifi
@@ -22,13 +23,6 @@ IMAGE = wifi.encode_packet(Picture(160, 120, bytes(38400)))
 
 def reading(step: int = 0) -> bytes:
     return IMAGE + wifi.encode_packet(wifi.Sensors(steps=(step, 0)))
-
-
-def wait(condition, seconds: float = 20.0) -> bool:
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    return condition()
 
 
 # ---------------------------------------------------------------- how old it may be

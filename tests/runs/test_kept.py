@@ -9,12 +9,12 @@ import struct
 import subprocess
 import sys
 import termios
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from waiting import wait
 
 from dntorch import files
 from dntorch.process import postponed
@@ -42,11 +42,9 @@ def run(*arguments: object, **options) -> subprocess.CompletedProcess:
 
 
 def until(condition, process: subprocess.Popen | None = None) -> None:
-    end = time.monotonic() + WAIT
-    while not condition():
-        assert process is None or process.poll() is None, "it ended too early"
-        assert time.monotonic() < end, "in vain"
-        time.sleep(0.01)
+    ended = lambda: process is not None and process.poll() is not None  # noqa: E731
+    assert wait(lambda: condition() or ended(), WAIT), "in vain"
+    assert condition() or not ended(), "it ended too early"
 
 
 def one_line(done: subprocess.CompletedProcess) -> str:

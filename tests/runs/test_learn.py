@@ -220,7 +220,7 @@ def test_a_damaged_checkpoint_is_refused(damage: str, tmp_path: Path) -> None:
     else:
         whole = path.read_bytes()
         path.write_bytes({"truncated": whole[:-500], "empty": b"", "garbage": b"x" * 999}[damage])
-    with pytest.raises(ValueError, match="take another"):
+    with pytest.raises(ValueError, match="name another"):
         Trial.load(path)
 
 

@@ -5,7 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dntorch.quantities import Interval
 from dntorch.robot.images import resample
+
+LIMITS = {
+    "exposure": Interval(0, 1000, above=True),
+    "blur": Interval(0, 1000, unit="px"),
+    "noise": Interval(0, 1000),
+    "zoom": Interval(1, 1000),
+    "fps": Interval(0, 1000, above=True, unit="images/s"),
+    "latency": Interval(0, 3600, unit="s"),
+}
 
 
 @dataclass(frozen=True)
@@ -36,13 +46,12 @@ class Camera:
     """of the noise"""
 
     def __post_init__(self) -> None:
-        positive = (*self.gains, self.exposure, 1.0 if self.fps is None else self.fps)
-        good = all(0 < number < math.inf for number in positive) and 1 <= self.zoom < math.inf
-        if not good or not all(0 <= n < math.inf for n in (self.blur, self.noise, self.latency)):
-            raise ValueError(
-                f"{self}: give finite numbers, gains, exposure and fps above 0, zoom from 1, and "
-                "blur, noise and latency from 0"
-            )
+        for k, gain in enumerate(self.gains):
+            LIMITS["exposure"].check(f"gains[{k}]", gain)
+        for name, limits in LIMITS.items():
+            value = getattr(self, name)
+            if name != "fps" or value is not None:
+                limits.check(name, value)
 
     @property
     def clear(self) -> bool:

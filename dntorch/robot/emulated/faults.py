@@ -37,9 +37,11 @@ class Faults:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        chances = list(self.chances.values())
-        if not all(0 <= chance <= 1 for chance in chances) or sum(chances) > 1:
-            raise ValueError(f"{self}: give probabilities from 0 that sum to at most 1")
+        for name, chance in self.chances.items():
+            Interval(0, 1).check(name, chance)
+        if (total := sum(self.chances.values())) > 1:
+            given = ", ".join(f"{name}={chance}" for name, chance in self.chances.items() if chance)
+            raise ValueError(f"{given}: give probabilities that sum to at most 1, not {total:g}")
         for name in ("stall_seconds", "delay_seconds"):
             Interval(0, 3600, unit="s").check(name, getattr(self, name))
 

@@ -5,8 +5,8 @@ import os
 import socket
 from typing import Protocol
 
+from dntorch.quantities import Interval
 from dntorch.robot.link import LinkLost
-from dntorch.robot.transports import check_port
 
 CHUNK = 1 << 16
 """Bytes that are taken at a time, once a step of the world: a flood cannot hold it up."""
@@ -39,11 +39,14 @@ class Server(Protocol):
     def close(self) -> None: ...
 
 
+PORTS = Interval(0, 65535, whole=True)
+
+
 class TcpServer:
     """Listens on a port; 0 takes a free one. The ``address`` says which."""
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
-        check_port(port, least=0)
+        PORTS.check("port", port)
         self._socket = socket.create_server((host, port))
         self._socket.setblocking(False)
         self.host, self.port = self._socket.getsockname()[:2]

@@ -1,4 +1,4 @@
-"""Packages that come with an extra: asked for before a command begins its work."""
+"""Packages that come with an extra: asked for before any work begins."""
 
 from importlib.util import find_spec
 
