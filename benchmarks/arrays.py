@@ -34,19 +34,20 @@ def step(np: ModuleType, s: State, match: Any, reward: Any, noise: Any, base: An
     fi, fc = sigmoid(s["intention"]), sigmoid(s["satisfaction"])
     others_i, others_c = fi.sum(-1, keepdims=True) - fi, fc.sum(-1, keepdims=True) - fc
     on = (fc > 0.5).astype(np.float32)
-    learned = ((s["weights"] + noise) * OFF_DIAGONAL * on[..., None, :]).sum(-1)
-    total = np.maximum(np.maximum(learned, 0) + base * (1 - on), 1e-9)
+    learned = (s["weights"] * on[..., None, :]).sum(-1) + noise
+    worth = (np.maximum(learned, 0) + base) * (1 - on)
+    best = np.maximum(worth.max(-1, keepdims=True), 1e-9)
     active = (fi[..., :, None] * fc[..., None, :] > 0.5) * OFF_DIAGONAL
     p, u = s["pulse"], s["trace"]
     drive = 1.1 * np.where(p > 0.05, p, 0) + 0.8 * u
     opposed = np.where(u > 0.01, s["weights"], 0) * (0.8 * (p > 0.05) - 1.0 * (p < -0.05))
     signal = (0.06 * (reward + s["error"]))[..., None, None]
-    target_i = -5 + 10 * fi - 30 * others_i + 20 * s["value"] - 40 * fc
+    target_i = -5 + 10 * fi - 30 * others_i + 10 * s["value"] - 20 * fc
     target_c = -5 + 8 * fc - 8 * others_c + 15 * match - 2 * others_i
     ahead = {
-        "intention": s["intention"] + DT / 0.3 * (target_i - s["intention"]),
+        "intention": np.maximum(s["intention"] + DT / 0.3 * (target_i - s["intention"]), -12),
         "satisfaction": s["satisfaction"] + DT / 0.3 * (target_c - s["satisfaction"]),
-        "value": s["value"] + DT / 0.1 * (total / total.sum(-1, keepdims=True) - s["value"]),
+        "value": s["value"] + DT / 0.1 * ((worth / best) ** 8 - s["value"]),
         "pulse": p + DT / 0.5 * (active - p - s["inhibitory"]),
         "inhibitory": s["inhibitory"] + DT / 0.5 * (active - s["inhibitory"]),
         "trace": u + DT * (drive - u * drive.sum((-2, -1), keepdims=True)),
@@ -63,7 +64,7 @@ class Arrays:
     def __init__(self, match: np.ndarray, reward: np.ndarray) -> None:
         self.inputs = list(zip(match, reward))
         self.state, self.base = at_rest(match.shape[1]), preference()
-        self.noise = np.zeros((match.shape[1], 4, 4), np.float32)
+        self.noise = np.zeros((match.shape[1], 4), np.float32)
 
     def __call__(self) -> None:
         for match, reward in self.inputs:

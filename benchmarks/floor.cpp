@@ -7,21 +7,23 @@ static void one_step(Agent* agents, const float* match, const float* reward, con
   const float dt = 1 / 32.f;
   for (int b = 0; b < batch; b++) {
     Agent& a = agents[b];
-    const float *m = match + 4 * b, *q = noise + 16 * b;
-    float fi[4], fc[4], on[4], x[4], si = 0, sc = 0, sx = 0, drive[16], total = 0, sum = 0;
+    const float *m = match + 4 * b, *q = noise + 4 * b;
+    float fi[4], fc[4], on[4], x[4], si = 0, sc = 0, best = 1e-9f, drive[16], total = 0, sum = 0;
     for (int i = 0; i < 4; i++) {
       si += fi[i] = f(a.ui[i]); sc += fc[i] = f(a.uc[i]); on[i] = fc[i] > 0.5f;
     }
     for (int i = 0; i < 4; i++) {
-      float y = 0;
-      for (int j = 0; j < 4; j++) if (i != j) y += (a.w[4 * i + j] + q[4 * i + j]) * on[j];
-      x[i] = std::fmax(std::fmax(y, 0.f) + base[i] * (1 - on[i]), 1e-9f); sx += x[i];
+      float y = q[i];
+      for (int j = 0; j < 4; j++) y += a.w[4 * i + j] * on[j];
+      x[i] = (std::fmax(y, 0.f) + base[i]) * (1 - on[i]); best = std::fmax(best, x[i]);
     }
     for (int i = 0; i < 4; i++) {
-      float di = 20 * a.val[i] - 40 * fc[i], dc = 15 * m[i] - 2 * (si - fi[i]);
+      float di = 10 * a.val[i] - 20 * fc[i], dc = 15 * m[i] - 2 * (si - fi[i]);
       a.ui[i] += dt / 0.3f * (-a.ui[i] - 5 + 10 * fi[i] - 30 * (si - fi[i]) + di);
       a.uc[i] += dt / 0.3f * (-a.uc[i] - 5 + 8 * fc[i] - 8 * (sc - fc[i]) + dc);
-      a.val[i] += dt / 0.1f * (x[i] / sx - a.val[i]);
+      a.ui[i] = std::fmax(a.ui[i], -12.f);
+      float y = x[i] / best; y *= y; y *= y; y *= y;
+      a.val[i] += dt / 0.1f * (y - a.val[i]);
     }
     for (int k = 0; k < 16; k++) {
       total += drive[k] = 1.1f * (a.pulse[k] > 0.05f ? a.pulse[k] : 0) + 0.8f * a.trace[k];

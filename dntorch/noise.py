@@ -63,10 +63,10 @@ def keyed_uniform(
 
 
 class Exploration:
-    """Noise on the value weights, drawn anew at each decision: random behaviours.
+    """Noise on the values of actions, drawn anew at each decision: random behaviours.
 
     Uniform between 0 and ``amplitude``, which is large against learned values, so that
-    while it lasts every behaviour but the last one is about equally likely to be chosen.
+    while it lasts every behaviour but the last one is equally likely to be chosen.
     No noise, zeros, is exploitation.
 
     A number that is drawn depends on seed, agent and decision alone, whenever it is asked for.
@@ -129,7 +129,7 @@ class Exploration:
         self._amplitude = amplitude
 
     def __call__(self, decisions: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
-        """Noise ``(*batch, n, n)`` for the number of decisions each agent has taken.
+        """Noise ``(*batch, n)`` for the number of decisions each agent has taken.
 
         Raises:
             ValueError: decisions of another batch than that of the agents.
@@ -142,19 +142,19 @@ class Exploration:
             )
         if self._drawn is None or not torch.equal(self._drawn[0], decisions):
             agents = self.agents.to(decisions.device)
-            draws = keyed_uniform(self.seed, agents, decisions, self.n * self.n, self.STREAM)
+            draws = keyed_uniform(self.seed, agents, decisions, self.n, self.STREAM)
             self._drawn = decisions.clone(), draws
         return self._sized(self._drawn[1], dtype)
 
     def ahead(self, decisions: Tensor, rows: int, dtype: torch.dtype = torch.float32) -> Tensor:
-        """Noise of the next ``rows`` decisions of each agent, ``(*batch, rows, n, n)``."""
+        """Noise of the next ``rows`` decisions of each agent, ``(*batch, rows, n)``."""
         agents = self.agents.to(decisions.device)
         later = torch.arange(rows, device=decisions.device).view(-1, *[1] * decisions.dim())
-        draws = keyed_uniform(self.seed, agents, decisions + later, self.n**2, self.STREAM)
+        draws = keyed_uniform(self.seed, agents, decisions + later, self.n, self.STREAM)
         return self._sized(draws, dtype).movedim(0, decisions.dim())
 
     def _sized(self, draws: Tensor, dtype: torch.dtype) -> Tensor:
         amplitude = self.amplitude
         if isinstance(amplitude, Tensor):
             amplitude = amplitude.to(draws).unsqueeze(-1)
-        return (amplitude * draws).to(dtype).unflatten(-1, (self.n, self.n))
+        return (amplitude * draws).to(dtype)

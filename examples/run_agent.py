@@ -64,7 +64,7 @@ class Agent:
         self.n = ports.pop("noise")["shape"][0]
         del ports["reward"]
         self.senses = {name: (np.dtype(p["dtype"]), tuple(p["shape"])) for name, p in ports.items()}
-        self.none = np.zeros((self.n, self.n), np.float32)
+        self.none = np.zeros(self.n, np.float32)
         self.load(path)
 
     def act(
@@ -194,20 +194,20 @@ def rest(port: dict) -> np.ndarray:
 
 
 def exploration(seed: int, decision: int, n: int, amplitude: float, agent: int = 0) -> np.ndarray:
-    """Noise on the values that makes decision number ``decision`` a random one, ``(n, n)``.
+    """Noise on the values that makes decision number ``decision`` a random one, ``(n,)``.
 
     The numbers that the agent was trained with: Philox4x32-10, keyed by what they are for.
     """
     mask, words = 0xFFFFFFFF, []
-    for block in range(-(-n * n // 4)):
+    for block in range(-(-n // 4)):
         c, k0, k1 = [block, decision & mask, agent, 0], seed, 1
         for _ in range(10):
             a, b = 0xD2511F53 * c[0], 0xCD9E8D57 * c[2]
             c = [(b >> 32) ^ c[1] ^ k0, b & mask, (a >> 32) ^ c[3] ^ k1, a & mask]
             k0, k1 = (k0 + 0x9E3779B9) & mask, (k1 + 0xBB67AE85) & mask
         words += c
-    uniform = np.array(words[: n * n], np.float64) / 2**32
-    return (amplitude * uniform).astype(np.float32).reshape(n, n)
+    uniform = np.array(words[:n], np.float64) / 2**32
+    return (amplitude * uniform).astype(np.float32)
 
 
 def run(agent: Agent, robot: Robot, steps: int, explore: bool = False, clock=time) -> dict:

@@ -1,6 +1,8 @@
 r"""Neural nodes with self-excitation that compete: winner takes all.
 
 .. math:: \tau \dot u_i = -u_i + h + c_+ f(u_i) - c_- \sum_{k \neq i} f(u_k) + S_i
+
+A step ends at the ``floor``, if there is one: no activation falls below it.
 """
 
 from typing import NamedTuple
@@ -52,8 +54,14 @@ def node_step(
     steepness: float,
     threshold: float,
     dt: float,
+    floor: float | None = None,
 ) -> NodeState:
     """One Euler step of ``dt`` seconds."""
     output = abs_sigmoid(state.u, steepness, threshold)
     target = node_target(input, output, h, excitation, inhibition)
-    return NodeState(state.u.lerp(target, dt / tau))
+    return NodeState(floored(state.u.lerp(target, dt / tau), floor))
+
+
+def floored(u: Tensor, floor: float | None) -> Tensor:
+    """``u``, and nothing below the floor."""
+    return u if floor is None else u.clamp_min(floor)

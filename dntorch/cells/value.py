@@ -1,7 +1,7 @@
-r"""Value nodes: read the learned values of the current state, normalised over actions.
+r"""Value nodes: read the learned values of the current state, relative to the best action.
 
-.. math:: \tau \dot d_i = -d_i + \frac{x_i}{\sum_k x_k}, \qquad
-          x_i = \Big[\sum_{j \neq i} (W_{ij} + \xi_{ij}) s_j\Big]_+ + b_i (1 - s_i), \qquad
+.. math:: \tau \dot d_i = -d_i + \Big(\frac{x_i}{\max_k x_k}\Big)^p, \qquad
+          x_i = \Big(\Big[\sum_j W_{ij} s_j + \xi_i\Big]_+ + b_i\Big) (1 - s_i), \qquad
           s_j = f_H(f_S(d_j^{cos}) - 1/2)
 """
 
@@ -18,35 +18,47 @@ class ValueState(NamedTuple):
     """Activation of the value nodes, ``(*batch, n)``."""
 
 
-def normalized_values(satisfaction: Tensor, weights: Tensor, baseline: Tensor) -> Tensor:
-    """Share of each action in the values of the current state, ``(*batch, n)``, sum one.
+@either
+def normalized_values(
+    satisfaction: Tensor, weights: Tensor, noise: Tensor, baseline: Tensor, sharpness: Number
+) -> Tensor:
+    """Value of each action in the current state, 1 for the best, ``(*batch, n)``.
 
     ``weights`` is ``[action, state]``; ``satisfaction`` the output of the CoS nodes. Outputs
     below 1/2 are ignored; small outputs of resting nodes would sum to a spurious state.
     """
     state = is_on(satisfaction)
-    learned = (weights * state.unsqueeze(-2)).sum(-1).clamp_min(0.0)
-    total = (learned + baseline * ~state).clamp_min(1e-9)  # a sum of 0 has no shares
-    return total / total.sum(-1, keepdim=True)
+    learned = (weights * state.unsqueeze(-2)).sum(-1)
+    worth = ((learned + noise).clamp_min(0.0) + baseline) * ~state
+    return (worth / worth.amax(-1, keepdim=True).clamp_min(1e-9)) ** sharpness
 
 
 @either
 def value_rate(
-    satisfaction: Tensor, weights: Tensor, state: ValueState, baseline: Tensor, tau: Number
+    satisfaction: Tensor,
+    weights: Tensor,
+    noise: Tensor,
+    state: ValueState,
+    baseline: Tensor,
+    sharpness: Number,
+    tau: Number,
 ) -> ValueState:
     """Right-hand side, per second."""
-    return ValueState((normalized_values(satisfaction, weights, baseline) - state.value) / tau)
+    values = normalized_values(satisfaction, weights, noise, baseline, sharpness)
+    return ValueState((values - state.value) / tau)
 
 
 @either
 def value_step(
     satisfaction: Tensor,
     weights: Tensor,
+    noise: Tensor,
     state: ValueState,
     baseline: Tensor,
+    sharpness: Number,
     tau: Number,
     dt: float,
 ) -> ValueState:
     """One Euler step of ``dt`` seconds."""
-    shares = normalized_values(satisfaction, weights, baseline)
-    return ValueState(state.value.lerp(shares, dt / tau))
+    values = normalized_values(satisfaction, weights, noise, baseline, sharpness)
+    return ValueState(state.value.lerp(values, dt / tau))

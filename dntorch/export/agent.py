@@ -22,7 +22,7 @@ UNITS = {
     "wheels": "motor steps since the start, left wheel first, 1000 per turn",
     "match": "match of each behaviour, 0-1",
     "reward": "size of the reward signal, 1",
-    "noise": "added to the values [action, state], 1; zeros are exploitation",
+    "noise": "added to the values of actions, 1; zeros are exploitation",
 }
 """Of inputs by name; others are empty in the manifest."""
 
@@ -115,7 +115,7 @@ class _Loop:
         self, n: int, respond: Respond, exploration: Exploration | None, steps: int
     ) -> None:
         self.respond, self.exploration, self.steps = respond, exploration, steps
-        self.none = torch.zeros(n, n)
+        self.none = torch.zeros(n)
 
     def __call__(self, step: int, taken: Taken | None):
         observation, reward = self.respond(None if taken is None else taken.outputs[0])
@@ -126,7 +126,7 @@ class _Loop:
             reward = torch.full_like(reward, torch.nan)
         if step == self.steps // 2:
             noise = noise.clone()
-            noise[0, 1] = torch.nan
+            noise[1] = torch.nan
         learning = torch.tensor(float(step / self.steps < 0.9))
         return (observation, reward, noise), {"learner.values.learning": learning}
 

@@ -55,7 +55,7 @@ class Boundary:
     >>> [port.name for port in boundary.inputs + boundary.outputs + boundary.state]
     ['input', 'output', 'u']
     >>> seen = {"match": torch.zeros(2), "image": torch.zeros(39, 52, 3)}
-    >>> boundary = Boundary(DNSarsa(2), seen, torch.zeros(()), torch.zeros(2, 2))
+    >>> boundary = Boundary(DNSarsa(2), seen, torch.zeros(()), torch.zeros(2))
     >>> [port.name for port in boundary.inputs + boundary.outputs]
     ['match', 'reward', 'noise', 'action']
     """

@@ -30,7 +30,7 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
     ===================  ===================  ====  =============================================
     :math:`d^{int}`      ``intention``        1     intention nodes, a `NodeWTA`
     :math:`d^{cos}`      ``satisfaction``     1     CoS nodes, a `NodeWTA`
-    :math:`d^{val}`      ``value``            1     value nodes, shares that sum to one
+    :math:`d^{val}`      ``value``            1     value nodes, 1 for the best action
     :math:`m`            ``match``            1     0 to 1: percept fits the CoS of behaviour i
     :math:`c_{val}`      ``value_gain``       1     values drive intentions
     :math:`c_{cos}`      ``completion_gain``  1     the own CoS ends an intention
@@ -54,16 +54,19 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
     Reinforcement of Behavioral Sequences in Neural Dynamics"; Richter, Sandamirskaya and
     Schöner 2012 for the memory of completion.
 
-    **Deviations** (printed, used for n = 4, why):
+    **Deviations** (printed, used, why):
 
-    * :math:`c_{cos} = 5`, 40: with 5 the finished intention stays on until the next one ends
-      it, about 1.3 s later instead of .2 s; to end it by itself the inhibition must exceed the
-      largest value input and the self-excitation together.
+    * :math:`c_{val} = 20`, 10 for any n, since the best action has the value 1: two that are
+      nearly alike come on together the less, the slower they rise.
+    * :math:`c_{cos} = 5`, 20: with 5 the finished intention stays on until the next one ends
+      it; to end it by itself the inhibition must exceed the largest value input and the
+      self-excitation together.
     * :math:`c_-^{int} = 10`, 30: two intentions that start together stay on together.
     * no inhibition among CoS nodes, 8, and :math:`c_+^{cos}` = 8 (not given): the state must
       persist while the next behaviour runs, or the temporal difference has no old pair.
-    * :math:`c_{val} = 5n` (20 as printed for n = 4), and :math:`c_{cos}` in proportion, since
-      values are shares: an even share among many must still reach the threshold.
+    * no floor, -12 under the intentions: without it the one before last, whose CoS inhibited
+      it until now, starts later than the others and returns are too rare. An intention that
+      is on, and a finished one's CoS, push all others to the floor: they start level.
     """
 
     def __init__(
@@ -71,7 +74,7 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         n: int,
         intention: NodeWTA | None = None,
         satisfaction: NodeWTA | None = None,
-        value_gain: Number | None = None,
+        value_gain: Number = 10.0,
         completion_gain: Number | None = None,
         intention_gain: Number = 2.0,
         match_gain: Number = 15.0,
@@ -79,16 +82,14 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
     ) -> None:
         super().__init__(dt)
         check_count("n", n, 2)
-        self.n = n
-        self.value_gain = 5.0 * n if value_gain is None else value_gain
+        self.n, self.value_gain = n, value_gain
         if completion_gain is None:
             held = self.value_gain
             completion_gain = 2 * (held.detach() if isinstance(held, Tensor) else held)
         self.completion_gain = completion_gain
         self.intention_gain, self.match_gain = intention_gain, match_gain
-        # More than keeps two from sharing all value makes near ties oscillate, not decide.
-        inhibition = max(30.0, span(self.value_gain)[1] / 2 + 10)
-        self.intention = intention or NodeWTA(n, inhibition=inhibition, dt=dt)
+        inhibition = span(self.value_gain)[1] + 20  # two that are on end each other
+        self.intention = intention or NodeWTA(n, inhibition=inhibition, floor=-12.0, dt=dt)
         self.satisfaction = satisfaction or NodeWTA(n, excitation=8.0, inhibition=8.0, dt=dt)
 
     def check(self) -> None:

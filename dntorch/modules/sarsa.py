@@ -55,7 +55,7 @@ class DNSarsa(Dynamics[AgentState]):
         integrator: ``"euler"`` or ``"heun"``.
 
     Shapes: ``observation`` a dict of tensors with the names in ``senses``, as the sensorimotor
-    part wants them; ``reward`` ``(*batch,)``; ``noise`` on the value weights ``(*batch, n, n)``
+    part wants them; ``reward`` ``(*batch,)``; ``noise`` on the values of actions ``(*batch, n)``
     (see `dntorch.noise.Exploration`; zeros are exploitation); the output is the action.
     State: `AgentState`, at rest but for the long-term memory of values and the two counts, which
     go on over the agent's life: ``reset`` keeps them, ``forget`` makes them 0; they are in a
@@ -80,7 +80,7 @@ class DNSarsa(Dynamics[AgentState]):
     >>> agent = DNSarsa(2)
     >>> seen = {"match": torch.zeros(2)}  # nothing found yet: the agent starts to want something
     >>> for _ in range(64):
-    ...     intention = agent(seen, torch.tensor(0.0), torch.zeros(2, 2))
+    ...     intention = agent(seen, torch.tensor(0.0), torch.zeros(2))
     >>> int((intention > 0.5).sum())
     1
     """
@@ -160,7 +160,7 @@ class DNSarsa(Dynamics[AgentState]):
         self, observation: dict[str, Tensor], reward: Tensor, noise: Tensor, state: AgentState
     ) -> tuple[Tensor, AgentState]:
         """One control step of ``dt`` seconds: ``(action, state)``."""
-        check_ends("noise", noise, [self.n, self.n])
+        check_ends("noise", noise, [self.n])
         check_ends("reward", reward, [])
         batch, dtype = list(state.decisions.shape), state.learner.values.weights.dtype
         reward, noise = reward.to(dtype), noise.to(dtype)
@@ -215,7 +215,7 @@ class DNSarsa(Dynamics[AgentState]):
         return AgentState(
             self.sensorimotor.flat(inner),
             self.behaviors.relax(state.value_nodes.value, match, rates, state.behaviors),
-            self.value_nodes.euler(satisfaction, weights + noise, state.value_nodes),
+            self.value_nodes.euler(satisfaction, weights, noise, state.value_nodes),
             self.learner.euler(intention, satisfaction, reward, state.learner),
             state.decisions,
             state.ignored,

@@ -10,10 +10,10 @@ from dntorch.number import Number, wide
 
 
 class ValueNodes(Dynamics[ValueState]):
-    r"""Nodes that read the values of the current state, normalised to a sum of one.
+    r"""Nodes that read the values of the current state, relative to the best action.
 
-    .. math:: \tau \dot d_i = -d_i + \frac{x_i}{\sum_k x_k}, \qquad
-              x_i = \Big[\sum_{j \neq i} W_{ij} s_j\Big]_+ + b_i (1 - s_i)
+    .. math:: \tau \dot d_i = -d_i + \Big(\frac{x_i}{\max_k x_k}\Big)^p, \qquad
+              x_i = \Big(\Big[\sum_j W_{ij} s_j + \xi_i\Big]_+ + b_i\Big) (1 - s_i)
 
     ===================  ================  ====  =============================================
     symbol               here              unit  meaning
@@ -21,56 +21,64 @@ class ValueNodes(Dynamics[ValueState]):
     :math:`d`            ``value``         1     activation of the value nodes
     :math:`s`            ``satisfaction``  1     the state: 1 for CoS nodes with an output
                                                  above 1/2, else 0
-    :math:`W`            ``weights``       1     values ``[action, state]``, noise included
+    :math:`W`            ``weights``       1     values ``[action, state]``
+    :math:`\xi`          ``noise``         1     exploration, one number per action
     :math:`\tau`         ``tau``           s     time constant
+    :math:`p`            ``sharpness``     1     how far the others fall behind the best
     :math:`b`            ``baseline``      1     innate preference, small: decides where
                                                  nothing has been learned
     ===================  ================  ====  =============================================
 
-    ``tau`` and ``baseline`` may be tensors ``(*batch,)``, one number per agent.
+    ``tau``, ``baseline`` and ``sharpness`` may be tensors ``(*batch,)``, one number per agent.
 
-    Shapes: ``satisfaction`` and output (activation after the step) ``(*batch, n)``,
+    Shapes: ``satisfaction``, ``noise`` and output (activation after the step) ``(*batch, n)``,
     ``weights`` ``(*batch, n, n)`` or ``(n, n)``. State: ``ValueState(value)``, 0 at rest.
 
     Raises:
-        ValueError: ``dt > tau``, ``baseline`` not positive, ``n < 2``.
+        ValueError: ``dt > tau``, ``baseline`` or ``sharpness`` not positive, ``n < 2``.
 
     Source: eq. (5) of Kazerounian, Luciw, Richter and Sandamirskaya, "Autonomous
     Reinforcement of Behavioral Sequences in Neural Dynamics".
 
     **Deviations**: printed without the leak :math:`-d_i`, but a pure integrator diverges; the
-    text normalises afterwards, here the input is normalised and the nodes relax to it.
-    Printed for positive W only: with all W zero the normalisation is 0/0 and W may become
-    negative, so the sum is rectified and ``baseline`` keeps it positive. The preference
+    text normalises afterwards, here the input is normalised and the nodes relax to it. It
+    normalises to a sum of one, which leaves the best of many actions less than an intention
+    needs to come on; here the best has 1, however many there are, and the power keeps the
+    second from coming on beside it. Printed for positive W only: W may become negative, so the
+    sum is rectified, and ``baseline`` is what there is while all W are zero. The preference
     grows slightly with i, since equal nodes never decide without noise. The finished
-    behaviour has no share, neither by the diagonal of W nor by preference: it may not win
-    again, and what it took could leave the others below threshold for ever. The output
+    behaviour has no value: it may not win again. Noise is not in the paper's equation; here it
+    belongs to the action, so that there is a first decision, before there is a state. The output
     :math:`f` is not given: with :math:`f_S` the tails of resting nodes add up to a state.
 
     >>> nodes = ValueNodes(3)
-    >>> weights = torch.tensor([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.2, 0.0, 0.0]])
+    >>> weights = torch.tensor([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.5, 0.0, 0.0]])
     >>> for _ in range(32):
-    ...     value = nodes(torch.tensor([1.0, 0.0, 0.0]), weights)  # in state 0
-    >>> [round(share, 3) for share in value.tolist()]
-    [0.0, 0.749, 0.251]
+    ...     value = nodes(torch.tensor([1.0, 0.0, 0.0]), weights, torch.zeros(3))  # in state 0
+    >>> [round(each, 3) for each in value.tolist()]
+    [0.0, 1.0, 0.235]
     """
 
     value: Tensor
     ladder: Tensor
-    off_diagonal: Tensor
 
     def __init__(
-        self, n: int, tau: Number = 0.1, baseline: Number = 1e-3, dt: float = 1 / 32
+        self,
+        n: int,
+        tau: Number = 0.1,
+        baseline: Number = 1e-3,
+        sharpness: Number = 8.0,
+        dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
         check_count("n", n, 2)
-        self.n, self.tau, self.baseline = n, tau, baseline
+        self.n, self.tau, self.baseline, self.sharpness = n, tau, baseline, sharpness
         self.register_buffer("ladder", 1 + torch.arange(n) / n, persistent=False)
-        self.register_buffer("off_diagonal", 1 - torch.eye(n), persistent=False)
 
     def check(self) -> None:
         check_time_constant("tau", self.tau, self.dt)
-        check_positive("baseline", self.baseline, "at 0 the values may sum to 0")
+        check_positive("sharpness", self.sharpness)
+        check_positive("baseline", self.baseline, "at 0 all values may be 0")
 
     def initial(self, batch: list[int]) -> ValueState:
         return ValueState(self.origin.new_zeros(batch + [self.n]))
@@ -78,9 +86,12 @@ class ValueNodes(Dynamics[ValueState]):
     def output(self, state: ValueState) -> Tensor:
         return state.value.clone()
 
-    def euler(self, satisfaction: Tensor, weights: Tensor, state: ValueState) -> ValueState:
+    def euler(
+        self, satisfaction: Tensor, weights: Tensor, noise: Tensor, state: ValueState
+    ) -> ValueState:
         check_ends("satisfaction", satisfaction, [self.n])
         check_ends("weights", weights, [self.n, self.n])
-        weights = weights * self.off_diagonal
+        check_ends("noise", noise, [self.n])
         preference = self.ladder * wide(self.baseline, 1)
-        return value_step(satisfaction, weights, state, preference, wide(self.tau, 1), self.dt)
+        sharpness, tau = wide(self.sharpness, 1), wide(self.tau, 1)
+        return value_step(satisfaction, weights, noise, state, preference, sharpness, tau, self.dt)

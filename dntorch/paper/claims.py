@@ -46,7 +46,9 @@ def share(entry: dict[str, Any], key: str) -> str:
 def _exploration(r: dict, p: dict, study: Study) -> list[Claim]:
     mean, sd = r["behaviors_in_exploration"]
     wanted, within = (p["behaviors_in_exploration"][k] for k in ("predicted", "within"))
-    e = r["exploration"]
+    e, fair = r["exploration"], p["exploration_uniform"]
+    even = max(e["commonest"] - 1, 1 - e["rarest"]) <= fair["triples_within"]
+    returns = abs(e["return_share"] - e["return_share_if_uniform"]) <= fair["returns_within"]
     first = summary(study.success.first[study.success.found] + 1)
     return [
         Claim(
@@ -56,13 +58,16 @@ def _exploration(r: dict, p: dict, study: Study) -> list[Claim]:
             verdict(abs(mean - wanted) <= within, study.config.explore == 50_000),
         ),
         Claim(
-            p["exploration_uniform"]["paper"],
-            "three successive behaviours are uniform over the possible ones (chi-square)",
-            f"chi² = {e['chi2']:.0f}, {e['dof']} dof, p = {e['p']:.2g}; returns to the behaviour "
-            f"before last {e['return_share']:.3f} instead of {e['return_share_if_uniform']:.3f}; "
+            fair["paper"],
+            "up to the first find each triple of successive behaviours is as frequent as any other, "
+            f"within {fair['triples_within']:.0%}, and returns to the one before last as chance has "
+            f"them, within {fair['returns_within']} (at least {fair['transitions']:,} transitions)",
+            f"{e['transitions']:,} transitions; triples {e['rarest']:.3f} to {e['commonest']:.3f} of "
+            f"their share, chi² = {e['chi2']:.0f}, {e['dof']} dof, p = {e['p']:.2g}; returns "
+            f"{e['return_share']:.3f} instead of {e['return_share_if_uniform']:.3f}; "
             f"chance of the sequence a behaviour {e['chance_of_the_sequence']:.5f} instead of "
             f"{e['chance_if_uniform']:.5f}",
-            verdict(e["p"] > ALPHA, e["decidable"]),
+            verdict(even and returns, e["transitions"] >= fair["transitions"]),
         ),
         Claim(
             "Fig. (c) shows the time at which the sequence was first uncovered",

@@ -58,10 +58,15 @@ def measured_decay(t: Transitions) -> Fit:
     return regression(t.change[known, None].astype(float), t.earlier[known].astype(float))
 
 
-def transition_counts(runs: Runs, explore: int, n: int) -> np.ndarray:
-    """How often behaviour k followed i, j in exploration, ``[i, j, k]``."""
+def transition_counts(runs: Runs, explore: int, n: int, unrewarded: bool = False) -> np.ndarray:
+    """How often behaviour k followed i, j in exploration, ``[i, j, k]``.
+
+    ``unrewarded``: up to the first find only, while chance alone decides.
+    """
     c, counts = runs.behaviors, np.zeros((n, n, n), np.int64)
     valid = (c[:, 2:] >= 0) & (runs.steps[:, 2:] < explore) & (runs.steps[:, 2:] >= 0)
+    if unrewarded:
+        valid &= (runs.rewarded.cumsum(1) - runs.rewarded)[:, 2:] == 0
     np.add.at(counts, (c[:, :-2][valid], c[:, 1:-1][valid], c[:, 2:][valid]), 1)
     return counts
 

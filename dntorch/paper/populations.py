@@ -51,8 +51,8 @@ class Led(Exploration):
 
     def ahead(self, decisions: Tensor, rows: int, dtype: torch.dtype = torch.float32) -> Tensor:
         usual = super().ahead(decisions, rows, dtype)
-        led = [self._lead(usual[..., k, :, :], decisions + k) for k in range(rows)]
-        return torch.stack(led, -3)
+        led = [self._lead(usual[..., k, :], decisions + k) for k in range(rows)]
+        return torch.stack(led, -2)
 
     def _lead(self, noise: Tensor, decisions: Tensor) -> Tensor:
         zero = torch.zeros_like(self.agents)
@@ -63,5 +63,4 @@ class Led(Exploration):
         which = inside.to(torch.int64).argmax(-1)
         place = place.gather(-1, which.unsqueeze(-1))[:, 0].clamp(0, self.targets.shape[1] - 1)
         forced = torch.nn.functional.one_hot(self.targets[which, place], self.n).to(noise.dtype)
-        forced = self.amplitude * forced.unsqueeze(-1)
-        return torch.where(inside.any(-1)[:, None, None], forced, noise)
+        return torch.where(inside.any(-1)[:, None], self.amplitude * forced, noise)

@@ -66,7 +66,7 @@ def measure(config: Config, runs: Runs, single: Runs | None) -> Study:
         "theory": expected._asdict(),
         "update_regression": learning_law(runs, result, config, expected.discount),
         "transition_counts": counts,
-        "exploration": exploration(counts, config),
+        "exploration": exploration(runs, config),
         "errors_of_the_world": {
             "disagreements": int(runs.disagreements.sum()),
             "steps_with_two_intentions": int(runs.trouble[0].sum()),
@@ -102,9 +102,13 @@ def learning_law(runs: Runs, result: Success, config: Config, discount: float) -
     }
 
 
-def exploration(counts: np.ndarray, config: Config) -> dict[str, Any]:
-    """Whether three successive behaviours are uniform, and what that does to finding."""
-    n = counts.shape[0]
+def exploration(runs: Runs, config: Config) -> dict[str, Any]:
+    """Whether three successive behaviours are uniform, and what that does to finding.
+
+    Up to the first find: learned values, small as they are beside the noise, bias later choices.
+    """
+    n = len(config.colors)
+    counts = transition_counts(runs, config.explore, n, unrewarded=True)
     i, j, k = np.indices(counts.shape)
     possible = (i != j) & (j != k)
     back = (i == k) & possible
@@ -113,7 +117,11 @@ def exploration(counts: np.ndarray, config: Config) -> dict[str, Any]:
     chance = counts.sum((0, 2))[path[0]] / max(counts.sum(), 1)
     pairs = counts.sum(2)[path[0], path[1]] / max(counts.sum((1, 2))[path[0]], 1)
     chance *= pairs * np.prod([share[a, b, c] for a, b, c in zip(path, path[1:], path[2:])])
+    alike = counts[possible] / max(counts[possible].mean(), 1)
     return st.uniformity(counts[possible]) | {
+        "transitions": int(counts.sum()),
+        "rarest": float(alike.min()),
+        "commonest": float(alike.max()),
         "return_share": float(counts[back].sum() / max(counts.sum(), 1)),
         "return_share_if_uniform": 1 / (n - 1),
         "chance_of_the_sequence": float(chance),

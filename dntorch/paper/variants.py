@@ -61,8 +61,11 @@ class PrintedSigmoid(NodeWTA):
 class PrintedValueNodes(ValueNodes):
     """Value nodes as printed: integrators without a leak, which are normalised afterwards."""
 
-    def euler(self, satisfaction: Tensor, weights: Tensor, state: ValueState) -> ValueState:
-        input = torch.matmul(weights * self.off_diagonal, satisfaction.unsqueeze(-1)).squeeze(-1)
+    def euler(
+        self, satisfaction: Tensor, weights: Tensor, noise: Tensor, state: ValueState
+    ) -> ValueState:
+        others = weights * (1 - torch.eye(self.n))
+        input = torch.matmul(others, satisfaction.unsqueeze(-1)).squeeze(-1) + noise
         value = state.value + self.dt / wide(self.tau, 1) * input
         return ValueState(value / value.sum(-1, keepdim=True))
 
@@ -103,6 +106,12 @@ def _no_rivalry(agent: DNSarsa) -> None:
     agent.behaviors.satisfaction.inhibition = 0.0
 
 
+def _value_nodes(agent: DNSarsa) -> None:
+    _become(agent.value_nodes, PrintedValueNodes)
+    agent.behaviors.value_gain = 20.0  # of shares that sum to one
+    agent.behaviors.completion_gain = 40.0
+
+
 def _short_trace(agent: DNSarsa) -> None:
     agent.learner.trace.tau = 0.1
 
@@ -120,7 +129,7 @@ VARIANTS: dict[str, Callable[[DNSarsa], None]] = {
     "no_offset": lambda agent: _become(agent.learner, NoOffset),
     "printed_rest": _rest,
     "printed_sigmoid": _sigmoid,
-    "printed_value_nodes": lambda agent: _become(agent.value_nodes, PrintedValueNodes),
+    "printed_value_nodes": _value_nodes,
     "printed_pairs": _printed_pairs,
     "printed_pulse_threshold": _pulse_threshold,
     "printed_intention_inhibition": lambda agent: setattr(

@@ -146,14 +146,14 @@ class AgentPolicy(TensorDictModuleBase):
     def _noise(self, decisions: Tensor, steps: Tensor, seed: Tensor | None = None) -> Tensor:
         exploring, draws = steps < self.explore, self.exploration
         if not exploring.any():
-            return torch.zeros_like(self.agent.weights)
+            return torch.zeros_like(self.agent.weights[..., 0])
         self._require_noise()
         if seed is not None and not (seed == draws.seed).all():
             draws.seed = seed.clone()
         noise = draws(decisions, self.agent.weights.dtype)
         if exploring.all():
             return noise
-        return noise * exploring[..., None, None].to(noise)
+        return noise * exploring.unsqueeze(-1).to(noise)
 
     def _begin(self, first: Tensor, reward: Tensor, state: AgentState) -> AgentState:
         """At rest where ``first``; values and counts go on.

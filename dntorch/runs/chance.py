@@ -24,7 +24,7 @@ class Chance(NamedTuple):
     decision: Tensor
     """number of the decision of row 0, ``(*batch,)``"""
     noise: Tensor
-    """``(*batch, ROWS, n, n)``; zeros in exploitation"""
+    """``(*batch, ROWS, n)``; zeros in exploitation"""
 
 
 def draw(
@@ -34,13 +34,13 @@ def draw(
     if exploring:
         noise = exploration.ahead(decisions, ROWS, dtype)
     else:
-        shape = (*decisions.shape, ROWS, exploration.n, exploration.n)
+        shape = (*decisions.shape, ROWS, exploration.n)
         noise = torch.zeros(shape, dtype=dtype, device=decisions.device)
     return Chance(step.clone(), decisions.clone(), noise)
 
 
 def noise_of(decisions: Tensor, chance: Chance) -> Tensor:
-    """Noise of the next decision of each agent, ``(*batch, n, n)``."""
-    row = (decisions - chance.decision).clamp(0, ROWS - 1)[..., None, None, None]
+    """Noise of the next decision of each agent, ``(*batch, n)``."""
+    row = (decisions - chance.decision).clamp(0, ROWS - 1)[..., None, None]
     n = chance.noise.shape[-1]
-    return chance.noise.gather(-3, row.expand(*row.shape[:-2], n, n)).squeeze(-3)
+    return chance.noise.gather(-2, row.expand(*row.shape[:-1], n)).squeeze(-2)

@@ -346,49 +346,61 @@ def test_values_that_do_not_fit_a_batch_say_what_to_do():
 
 # Value nodes
 
-BASE = f64([1e-3, 1.1e-3, 1.2e-3])
+BASE, NONE = f64([1e-3, 1.1e-3, 1.2e-3]), f64([0.0, 0.0, 0.0])
 
 
 @patient
 @given(
     satisfaction=st.lists(share, min_size=3, max_size=3).map(f64),
     weights=nine(st.floats(-5, 5)),
+    noise=st.lists(st.floats(-5, 5), min_size=3, max_size=3).map(f64),
 )
-def test_values_are_shares_whatever_the_weights(satisfaction, weights):
-    shares = normalized_values(satisfaction, weights, BASE)
-    assert shares.min() > 0 and shares.sum() == pytest.approx(1)
+def test_the_best_has_one_and_a_finished_one_nothing(satisfaction, weights, noise):
+    values = normalized_values(satisfaction, weights, noise, BASE, 8.0)
+    state = satisfaction > 0.5
+    assert (values[state] == 0).all() and values.max() == (0 if state.all() else 1)
+    learned = (weights @ state.double() + noise).clamp_min(0) + BASE
+    if not state.all():
+        expected = (learned / learned[~state].max()) ** 8
+        torch.testing.assert_close(values[~state], expected[~state])
 
 
 @pytest.mark.parametrize("weight", [0.0, -1.0])
 def test_values_where_nothing_good_was_learned_are_the_innate_preference(weight):
     weights = f64(weight).expand(3, 3)
-    shares = normalized_values(f64([0.001, 0.001, 0.001]), weights, BASE)
-    torch.testing.assert_close(shares, BASE / BASE.sum())
-    shares = normalized_values(f64([0.001, 0.999, 0.001]), weights, BASE)
-    torch.testing.assert_close(
-        shares, f64([1.0, 0.0, 1.2]) / 2.2, rtol=0, atol=1e-5
-    )  # the finished behaviour is not preferred
+    values = normalized_values(f64([0.001, 0.001, 0.001]), weights, NONE, BASE, 1.0)
+    torch.testing.assert_close(values, BASE / BASE.max())
+    values = normalized_values(f64([0.001, 0.999, 0.001]), weights, NONE, BASE, 1.0)
+    torch.testing.assert_close(values, f64([1.0, 0.0, 1.2]) / 1.2)  # the finished one has none
 
 
 def test_values_read_the_column_of_the_current_state():
     weights = f64([[0.0, 5.0, 1.0], [3.0, 0.0, 1.0], [1.0, 5.0, 0.0]])
-    shares = normalized_values(f64([0.99, 0.01, 0.01]), weights, BASE)
+    values = normalized_values(f64([0.99, 0.01, 0.01]), weights, NONE, BASE, 2.0)
     expected = f64([0.0, 3.0, 1.0]) + BASE * f64([0.0, 1.0, 1.0])
-    torch.testing.assert_close(shares, expected / expected.sum(), rtol=0, atol=1e-6)
+    torch.testing.assert_close(values, (expected / expected.max()) ** 2)
+
+
+def test_noise_decides_before_there_is_a_state():
+    noise = f64([1.0, 9.0, 4.0])
+    values = normalized_values(
+        f64([0.001, 0.001, 0.001]), torch.zeros(3, 3).double(), noise, BASE, 1.0
+    )
+    torch.testing.assert_close(values, (noise + BASE) / (9 + BASE[1]))
 
 
 def test_resting_nodes_are_no_state():
-    """However many they are and whatever the noise on their values."""
+    """However many they are and whatever their values."""
     rest = abs_sigmoid(torch.full((3,), -5.0, dtype=torch.float64), 100.0, 0.0)
-    shares = normalized_values(rest, 10 * torch.ones(3, 3, dtype=torch.float64), BASE)
-    torch.testing.assert_close(shares, BASE / BASE.sum())
+    values = normalized_values(rest, 10 * torch.ones(3, 3, dtype=torch.float64), NONE, BASE, 1.0)
+    torch.testing.assert_close(values, BASE / BASE.max())
 
 
 def test_values_ignore_the_diagonal():
     nodes = ValueNodes(3)
     for _ in range(64):
-        value = nodes(torch.tensor([1.0, 0.0, 0.0]), 100 * torch.eye(3))
-    assert value[0] < 1e-5 and value.sum() == pytest.approx(1)
+        value = nodes(torch.tensor([1.0, 0.0, 0.0]), 100 * torch.eye(3), torch.zeros(3))
+    assert value[0] == 0 and value[2] == pytest.approx(1)
 
 
 # State-action cells
@@ -489,13 +501,14 @@ def test_two_nodes_stay_on_together_only_if_both_inputs_exceed_their_inhibition(
 
 
 @settings(patient, max_examples=10)
-@given(n=st.integers(2, 6), seed=st.integers(0, 2**32))
-def test_after_any_behavior_the_one_with_the_largest_share_starts(n, seed):
+@given(n=st.integers(2, 64), seed=st.integers(0, 2**32))
+def test_after_any_behavior_the_one_with_the_largest_value_starts(n, seed):
     share = shares_of_value(n, seed, finished=True)
+    value = (share / share.amax(-1, keepdim=True)) ** 8
     behaviors, nothing_found = ElementaryBehaviors(n), torch.zeros(len(share), n)
     behaviors.resize(len(share))
     behaviors.satisfaction.u[:, 0] = 3.0
-    intentions = torch.stack([behaviors(share, nothing_found)[0] > 0.5 for _ in range(320)])
+    intentions = torch.stack([behaviors(value, nothing_found)[0] > 0.5 for _ in range(320)])
     assert longest_run(intentions.sum(-1) > 1) <= 2
     assert (intentions[-1].sum(-1) == 1).all()
     assert torch.equal(intentions[-1].int().argmax(-1), share.argmax(-1))
@@ -558,9 +571,9 @@ def test_value_nodes_without_a_leak_diverge():
     printed, state = torch.zeros(3, dtype=torch.float64), ValueState(f64([0.0, 0.0, 0.0]))
     for _ in range(32 * 60):
         printed = printed + 1 / 32 / 0.1 * weights @ satisfaction
-        state = value_step(satisfaction, weights, state, BASE, 0.1, 1 / 32)
+        state = value_step(satisfaction, weights, NONE, state, BASE, 8.0, 0.1, 1 / 32)
     assert printed.max() > 1000
-    assert state.value.sum() == pytest.approx(1)
+    assert state.value.max() == pytest.approx(1)
 
 
 def test_plain_normalization_divides_zero_by_zero_at_the_start():
@@ -568,8 +581,8 @@ def test_plain_normalization_divides_zero_by_zero_at_the_start():
     assert (sums / sums.sum()).isnan().all()
     nodes = ValueNodes(3)
     for _ in range(64):
-        value = nodes(torch.tensor([1.0, 0.0, 0.0]), torch.zeros(3, 3))
-    assert value.sum() == pytest.approx(1) and value.argmax() == 2
+        value = nodes(torch.tensor([1.0, 0.0, 0.0]), torch.zeros(3, 3), torch.zeros(3))
+    assert value.max() == pytest.approx(1) and value.argmax() == 2
 
 
 def test_a_heaviside_without_threshold_sees_every_pair_at_rest():
@@ -626,7 +639,7 @@ def test_without_self_sustained_satisfaction_the_state_is_lost():
 GENERATOR = np.random.default_rng(7)
 NODE_INPUT, NODE_START = GENERATOR.uniform(0, 9, 4), GENERATOR.uniform(-6, -1, 4)
 PAIR_INPUT, PAIR_START = GENERATOR.uniform(0.1, 0.6, 9), GENERATOR.uniform(0, 0.1, 9)
-VALUES = GENERATOR.uniform(0, 2, (3, 3))
+VALUES, NOISE = GENERATOR.uniform(0, 2, (3, 3)), GENERATOR.uniform(0, 2, 3)
 
 
 def numpy_node(u):
@@ -652,8 +665,8 @@ def numpy_opposition(x):
 
 
 def numpy_value(x):
-    total = VALUES[:, 0] + BASE.numpy() * [0, 1, 1]  # in state 0
-    return (total / total.sum() - x) / 0.1
+    worth = (VALUES[:, 0] + NOISE + BASE.numpy()) * [0, 1, 1]  # in state 0
+    return ((worth / worth.max()) ** 3 - x) / 0.1
 
 
 def torch_node(x):
@@ -677,7 +690,8 @@ def torch_opposition(x):
 
 
 def torch_value(x):
-    return value_rate(f64([0.9, 0.1, 0.2]), f64(VALUES), ValueState(x), BASE, 0.1).value
+    satisfaction, noise = f64([0.9, 0.1, 0.2]), f64(NOISE)
+    return value_rate(satisfaction, f64(VALUES), noise, ValueState(x), BASE, 3.0, 0.1).value
 
 
 PROBLEMS = {

@@ -147,7 +147,7 @@ def test_exploration_lies_between_zero_and_its_amplitude():
     sample = Exploration(4, seed=0, agents=torch.arange(1000), amplitude=3.0)(
         torch.zeros(1000, dtype=torch.int64)
     )
-    assert sample.shape == (1000, 4, 4)
+    assert sample.shape == (1000, 4)
     assert 0 <= sample.min() < 0.01 and 2.99 < sample.max() <= 3
 
 
