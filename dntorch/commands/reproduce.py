@@ -104,8 +104,9 @@ def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
 
 
 def _report(study: "Study", folder: Path, command: str) -> None:
-    from dntorch.paper.claims import claims, write_page
+    from dntorch.paper.claims import claims
     from dntorch.paper.figures import draw
+    from dntorch.paper.page import write_page
 
     click.echo("drawing figures ...", err=True)
     page = write_page(study, draw(study, folder), folder, command)

@@ -126,6 +126,8 @@ def yoked(
         "yoked": {
             "interval_of_mean": st.mean_interval(r),
             "summary": st.summary(r),
+            "slope": float((own * other).sum() / max((other**2).sum(), 1e-12)),
+            "rmse": float(np.sqrt(((own - other) ** 2).mean()) / max(abs(other).max(), 1e-12)),
             "lowest": float(r.min()) if len(r) else None,
             "over_behaviors": curve,
             "learning_rate": learning.rate,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dntorch.files import write_json
+from dntorch.paper.fast import at_the_rate, measure_fast
 from dntorch.paper.populations import Population
 from dntorch.paper.runs import runs_from_events
 from dntorch.paper.study import Study, measure
@@ -27,13 +28,14 @@ def reproduce(
     events = run_groups(groups(config, runs), parts, processes, progress)
     tables = {name: runs_from_events(each, runs) for name, each in events.items()}
     study = measure(config, tables["neural"], tables.get("single"))
+    study.results["fast"] = measure_fast(tables["fast"], config) if "fast" in tables else None
     study.results["runs"], study.results["duration_seconds"] = runs, time.monotonic() - began
     write_json(folder / "results.json", study.results)
     return study
 
 
 def groups(config: Config, runs: int) -> list[Job]:
-    """The agents of the paper and, where many run as a batch, those with a trace of one item."""
+    """The agents of the paper; where many run as a batch, a trace of one item and a fast one."""
     row, numbers = WORLDS[config.world], tuple(range(runs))
     who = {"agents": numbers}
     if not row.numbered:
@@ -41,6 +43,7 @@ def groups(config: Config, runs: int) -> list[Job]:
     jobs = [Job("neural", Population(config, **who))]
     if row.batched:
         jobs.append(Job("single", Population(config, **who, variant="single_item")))
+        jobs.append(Job("fast", Population(at_the_rate(config), **who)))
     return jobs
 
 

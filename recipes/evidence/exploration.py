@@ -89,8 +89,8 @@ def main() -> None:
         events = explore(n, SIZES[n], arguments.steps, arguments.seed)
         rows.append(row := describe(n, SIZES[n], arguments.steps, events))
         print(
-            f"{n:2d} behaviours: {row['behaviors']:.0f} in 50,000 steps (fewest {row['fewest']:.0f})"
-            f"; returns {row['returns']:.4f} of {row['chance']:.4f}; two intentions "
+            f"{n:2d} behaviours: {row['behaviors']:.0f} in 50,000 steps (fewest "
+            f"{row['fewest']:.0f}); returns {row['returns']:.4f} of {row['chance']:.4f}; two intentions "
             f"{row['two_intentions']:.1e}; first: {row['first']} of {n}",
             flush=True,
         )

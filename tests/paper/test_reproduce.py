@@ -17,8 +17,9 @@ from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import SequenceTask
 from dntorch.files import plain
 from dntorch.noise import Exploration
-from dntorch.paper.claims import NO, UNTESTABLE, YES, claims, write_page
+from dntorch.paper.claims import NO, UNTESTABLE, YES, claims
 from dntorch.paper.figures import draw
+from dntorch.paper.page import write_page
 from dntorch.paper.populations import Population
 from dntorch.paper.reproduce import reproduce
 from dntorch.paper.variants import VARIANTS
