@@ -90,8 +90,8 @@ def main() -> None:
         rows.append(row := describe(n, SIZES[n], arguments.steps, events))
         print(
             f"{n:2d} behaviours: {row['behaviors']:.0f} in 50,000 steps (fewest "
-            f"{row['fewest']:.0f}); returns {row['returns']:.4f} of {row['chance']:.4f}; two intentions "
-            f"{row['two_intentions']:.1e}; first: {row['first']} of {n}",
+            f"{row['fewest']:.0f}); returns {row['returns']:.4f} of {row['chance']:.4f}; two "
+            f"intentions {row['two_intentions']:.1e}; first: {row['first']} of {n}",
             flush=True,
         )
         if n == 4:
