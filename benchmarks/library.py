@@ -26,7 +26,7 @@ class Modules:
         _, batch, n = match.shape
         self.agent = DNSarsa(n).spread(batch)
         self.state = tree_map(innermost, self.agent.initial([batch]))
-        self.noise = innermost(torch.zeros(batch, n, n))
+        self.noise = innermost(torch.zeros(batch, n))
         self.match, self.reward = innermost(torch.from_numpy(match), 1), torch.from_numpy(reward)
         self.advance = self.step
         if self.compiled:

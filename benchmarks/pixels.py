@@ -49,7 +49,7 @@ class Agent:
         self.images, self.compiled = images.unbind(0), compiled
         batch = images.shape[1]
         self.agent = DNSarsa(4, FindColor("RGBY")).spread(batch)
-        self.reward, self.noise = torch.zeros(batch), torch.zeros(batch, 4, 4)
+        self.reward, self.noise = torch.zeros(batch), torch.zeros(batch, 4)
         self.state = self.agent.initial([batch])
         if batch > 1:
             self.state, self.noise = tree_map(innermost, self.state), innermost(self.noise)

@@ -108,5 +108,5 @@ extern "C" void look(Agent* agents, Fields* fields, const uint8_t* images, const
   for (long t = 0; t < steps; t++)
     for (int b = 0; b < batch; b++)
       one_look(agents[b], fields[b], images + (batch * t + b) * 3 * H * W, reward + b,
-               noise + 16 * b, base, *optics, wheels + 2 * b);
+               noise + 4 * b, base, *optics, wheels + 2 * b);
 }

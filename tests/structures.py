@@ -142,20 +142,20 @@ CASES = {
     "HebbianQ": Case(
         lambda: HebbianQ(N), (unit(*PAIRS), unit(*PAIRS), signed(), unit()), ("weights",)
     ),
-    "ValueNodes": Case(lambda: ValueNodes(N), (unit(N), signed(*PAIRS))),
+    "ValueNodes": Case(lambda: ValueNodes(N), (unit(N), signed(*PAIRS), unit(N))),
     "ElementaryBehaviors": Case(lambda: ElementaryBehaviors(N), (unit(N), unit(N))),
     "Learner": Case(lambda: Learner(N), (unit(N), unit(N), unit()), ("values.weights",)),
     "FindColor": Case(small_camera, (photo, unit(N))),
     "Direct": Case(Direct, (some(match=unit(N)), unit(N))),
     "Repertoire": Case(mixed, (both, unit(N))),
-    "DNSarsa": Case(lambda: DNSarsa(N), (found, unit(), strong(*PAIRS)), AGENT),
+    "DNSarsa": Case(lambda: DNSarsa(N), (found, unit(), strong(N)), AGENT),
     "DNSarsa, Heun": Case(
-        lambda: DNSarsa(N, substeps=2, integrator="heun"), (found, unit(), strong(*PAIRS)), AGENT
+        lambda: DNSarsa(N, substeps=2, integrator="heun"), (found, unit(), strong(N)), AGENT
     ),
     "DNSarsa, FindColor": Case(
-        lambda: DNSarsa(N, small_camera()), (photo, unit(), strong(*PAIRS)), AGENT
+        lambda: DNSarsa(N, small_camera()), (photo, unit(), strong(N)), AGENT
     ),
-    "DNSarsa, Repertoire": Case(lambda: DNSarsa(N, mixed()), (both, unit(), strong(*PAIRS)), AGENT),
+    "DNSarsa, Repertoire": Case(lambda: DNSarsa(N, mixed()), (both, unit(), strong(N)), AGENT),
     "a composite of composites": Case(Pair, (unit(N), unit(N), unit()), PAIR),
     "a number as tensor": Case(lambda: NodeWTA(N, tau=torch.tensor(0.2), h=-5), (strong(N),)),
 }

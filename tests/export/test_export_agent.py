@@ -32,7 +32,7 @@ def agent() -> DNSarsa:
     agent = DNSarsa(N)
     agent.weights.copy_(torch.tensor([[0.0, 0.5], [0.4, 0.0]]))
     for _ in range(20):  # somewhere, not at rest
-        agent({"match": torch.zeros(N)}, torch.tensor(0.0), torch.zeros(N, N))
+        agent({"match": torch.zeros(N)}, torch.tensor(0.0), torch.zeros(N))
     return agent
 
 

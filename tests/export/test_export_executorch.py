@@ -21,7 +21,7 @@ def rows(n: int, steps: int = 60) -> list[tuple[dict[str, Tensor], Tensor, Tenso
     def unit(*shape: int) -> Tensor:
         return torch.rand(shape, generator=generator)
 
-    rows = [({"match": unit(n)}, unit(), unit(n, n)) for _ in range(steps)]
+    rows = [({"match": unit(n)}, unit(), unit(n)) for _ in range(steps)]
     rows[10] = (rows[10][0], torch.tensor(torch.nan), rows[10][2])
     return rows
 

@@ -82,13 +82,13 @@ CASES: dict[str, tuple[Callable[[], Dynamics], tuple[Callable, ...]]] = {
     "ItemOrderWM": (lambda: dntorch.ItemOrderWM(N), (unit(*PAIRS),)),
     "ValueOpposition": (lambda: dntorch.ValueOpposition(N), (unit(*PAIRS),) * 3),
     "HebbianQ": (lambda: dntorch.HebbianQ(N), (unit(*PAIRS), unit(*PAIRS), unit(), unit())),
-    "ValueNodes": (lambda: dntorch.ValueNodes(N), (unit(N), unit(*PAIRS))),
+    "ValueNodes": (lambda: dntorch.ValueNodes(N), (unit(N), unit(*PAIRS), unit(N))),
     "ElementaryBehaviors": (lambda: dntorch.ElementaryBehaviors(N), (unit(N), unit(N))),
     "Learner": (lambda: dntorch.Learner(N), (unit(N), unit(N), unit())),
     "Direct": (dntorch.Direct, (seen(match=unit(N)), unit(N))),
     "FindColor": (small_camera, (seen(image=photo), unit(N))),
     "Repertoire": (two_kinds, (seen(image=photo), unit(4))),
-    "DNSarsa": (lambda: dntorch.DNSarsa(N), (seen(match=unit(N)), unit(), strong(*PAIRS))),
+    "DNSarsa": (lambda: dntorch.DNSarsa(N), (seen(match=unit(N)), unit(), strong(N))),
 }
 
 
@@ -138,11 +138,11 @@ def test_ports_are_the_tensors_of_a_step_by_name(name: str) -> None:
 def test_of_an_observation_only_what_is_sensed_goes_in() -> None:
     observation = {"wheels": torch.zeros(2), "match": torch.zeros(N), "image": photo(0)}
     agent = dntorch.DNSarsa(N)
-    boundary = Boundary(agent, observation, torch.zeros(()), torch.zeros(PAIRS))
+    boundary = Boundary(agent, observation, torch.zeros(()), torch.zeros(N))
     assert [port.name for port in boundary.inputs] == ["match", "reward", "noise"]
     assert [port.name for port in boundary.outputs] == ["action"]
     with pytest.raises(ValueError, match="the observation lacks 'match'"):
-        Boundary(agent, {"image": photo(0)}, torch.zeros(()), torch.zeros(PAIRS))
+        Boundary(agent, {"image": photo(0)}, torch.zeros(()), torch.zeros(N))
 
 
 class Odd(dntorch.Sensorimotor[dict[str, Tensor]]):

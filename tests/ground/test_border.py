@@ -61,9 +61,9 @@ def test_one_member_of_a_batch_does_not_spoil_another(case):
 def test_what_is_shared_by_a_batch_counts_for_all():
     agent = DNSarsa(3).spread(2)
     seen = {"match": torch.zeros(2, 3)}
-    agent(seen, torch.tensor(math.nan), torch.zeros(3, 3))
+    agent(seen, torch.tensor(math.nan), torch.zeros(3))
     agent(seen, torch.tensor(0.0), torch.full((3, 3), math.inf))
-    agent({"match": torch.full((3,), math.nan)}, torch.tensor(0.0), torch.zeros(3, 3))
+    agent({"match": torch.full((3,), math.nan)}, torch.tensor(0.0), torch.zeros(3))
     assert agent.ignored.tolist() == [3, 3]
     assert all(x.isfinite().all() for x in agent.snapshot().values())
 
@@ -79,7 +79,7 @@ def test_a_long_life_with_bad_numbers_loses_nothing():
 
 def test_senses_are_named_and_others_are_dropped():
     agent = DNSarsa(3)
-    reward, noise = torch.tensor(0.0), torch.zeros(3, 3)
+    reward, noise = torch.tensor(0.0), torch.zeros(3)
     assert agent.senses == ("match",)
     agent({"match": torch.zeros(3), "image": torch.full((2,), math.nan)}, reward, noise)
     assert agent.ignored == 0
@@ -110,5 +110,5 @@ def test_a_huge_match_breaks_nothing():
     for huge in (1e38, -1e38, 1e30):
         for _ in range(40):
             seen = {"match": torch.tensor([huge, 0.0, 0.5])}
-            agent(seen, torch.tensor(1.0), torch.zeros(3, 3))
+            agent(seen, torch.tensor(1.0), torch.zeros(3))
     assert all(x.isfinite().all() for x in agent.snapshot().values())

@@ -186,7 +186,7 @@ def test_a_refused_part_leaves_everything_as_it_was():
     with pytest.raises(TypeError, match="is no ElementaryBehaviors: give one"):
         DNSarsa(3, behaviors=5)
     assert agent.learner is learner and agent.behaviors.intention is intention
-    agent({"match": torch.zeros(2, 3)}, torch.zeros(2), torch.zeros(2, 3, 3))
+    agent({"match": torch.zeros(2, 3)}, torch.zeros(2), torch.zeros(2, 3))
 
 
 def test_a_part_stands_in_one_place():

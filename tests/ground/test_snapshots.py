@@ -70,7 +70,7 @@ def test_inputs_of_another_batch_leave_all_parts_as_they_were():
     agent = DNSarsa(3)
     held = agent.snapshot()
     with pytest.raises(ValueError, match="call resize"):
-        agent({"match": torch.ones(3)}, torch.tensor(1.0), torch.zeros(8, 3, 3))
+        agent({"match": torch.ones(3)}, torch.tensor(1.0), torch.zeros(8, 3))
     assert_same(agent.snapshot(), held)
 
 

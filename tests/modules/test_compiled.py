@@ -87,7 +87,7 @@ class Count(TorchDispatchMode):
 def test_a_step_takes_few_operations(integrator, most):
     """Alone, an agent pays for each operation and not for its size."""
     agent = DNSarsa(4, integrator=integrator)
-    inputs = {"match": torch.zeros(4)}, torch.tensor(0.0), torch.zeros(4, 4)
+    inputs = {"match": torch.zeros(4)}, torch.tensor(0.0), torch.zeros(4)
     with torch.no_grad(), Count() as count:
         agent.step(*inputs, agent.state)
     clones = len(tree_leaves(agent.state))  # which the state read above is

@@ -411,6 +411,6 @@ def test_a_reward_of_another_shape_leaves_the_agent_as_it_was():
     before = agent.snapshot()
     for shape in ((1,), (8, 1)):
         with pytest.raises(ValueError, match=r"reward of shape .* does not fit the batch \[8\]"):
-            agent({"match": torch.ones(8, 3)}, torch.zeros(shape), torch.zeros(8, 3, 3))
+            agent({"match": torch.ones(8, 3)}, torch.zeros(shape), torch.zeros(8, 3))
     for name, buffer in agent.snapshot().items():
         assert torch.equal(buffer, before[name])

@@ -239,5 +239,5 @@ def test_a_match_of_ones_own_that_is_none_teaches_nothing(seen: float) -> None:
     learner = agent.state.learner._replace(trace=WorkingMemoryState(torch.full((2, 2), 0.4)))
     agent.state = agent.state._replace(learner=learner)
     for _ in range(100):
-        agent({"match": torch.full((2,), seen)}, torch.tensor(1.0), torch.zeros(2, 2))
+        agent({"match": torch.full((2,), seen)}, torch.tensor(1.0), torch.zeros(2))
     assert all(x.isfinite().all() for x in agent.snapshot().values()) and agent.weights.any()

@@ -246,7 +246,7 @@ def test_noise_ends_after_the_steps_of_exploration() -> None:
     drawn = [float(loud._noise(torch.tensor(0), torch.tensor(k)).sum()) for k in range(5)]
     assert all(drawn[:3]) and not any(drawn[3:])
     mixed = AgentPolicy(DNSarsa(2).spread(2), 3, Exploration(2, 0, [0, 1]))
-    rows = mixed._noise(torch.tensor([0, 0]), torch.tensor([2, 3])).sum((1, 2))
+    rows = mixed._noise(torch.tensor([0, 0]), torch.tensor([2, 3])).sum(1)
     assert rows[0] > 0 and rows[1] == 0
 
 
@@ -343,7 +343,7 @@ def taught(n: int = 2) -> DNSarsa:
     with torch.no_grad():
         agent.weights.uniform_(0, 1, generator=generator)
     for _ in range(20):
-        agent({"match": torch.rand(n, generator=generator)}, torch.tensor(1.0), torch.zeros(n, n))
+        agent({"match": torch.rand(n, generator=generator)}, torch.tensor(1.0), torch.zeros(n))
     return agent
 
 
