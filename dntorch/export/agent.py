@@ -79,7 +79,7 @@ def resting(agent: DNSarsa, observation: dict[str, Tensor]) -> Boundary:
     """
     if batch := list(agent.origin.shape):
         raise ValueError(f"agent is a batch of shape {batch}: export one, agent.select(index)")
-    boundary = Boundary(agent, observation, torch.zeros(()), torch.zeros(agent.n, agent.n))
+    boundary = Boundary(agent, observation, torch.zeros(()), torch.zeros(agent.n))
     boundary.structure.reset()
     boundary.structure.learn()
     return boundary

@@ -62,7 +62,7 @@ def test_what_is_shared_by_a_batch_counts_for_all():
     agent = DNSarsa(3).spread(2)
     seen = {"match": torch.zeros(2, 3)}
     agent(seen, torch.tensor(math.nan), torch.zeros(3))
-    agent(seen, torch.tensor(0.0), torch.full((3, 3), math.inf))
+    agent(seen, torch.tensor(0.0), torch.full((3,), math.inf))
     agent({"match": torch.full((3,), math.nan)}, torch.tensor(0.0), torch.zeros(3))
     assert agent.ignored.tolist() == [3, 3]
     assert all(x.isfinite().all() for x in agent.snapshot().values())
@@ -94,7 +94,7 @@ def test_numbers_of_another_precision_are_those_of_the_agent():
     agent, twin = DNSarsa(3), DNSarsa(3)
     for x in (agent, twin):
         x.learner.trace.u.fill_(0.3)
-    match, noise = torch.tensor([1.0, 0.2, 0.1]), torch.rand(3, 3)
+    match, noise = torch.tensor([1.0, 0.2, 0.1]), torch.rand(3)
     for _ in range(3):
         fine = {"match": match.double()}, torch.tensor(1.0).double(), noise.double()
         assert torch.equal(agent(*fine), twin({"match": match}, torch.tensor(1.0), noise))

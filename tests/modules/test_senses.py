@@ -150,7 +150,7 @@ def test_a_body_of_two_kinds_is_limited_once() -> None:
 
 
 def test_an_agent_with_two_senses_lives_in_the_world() -> None:
-    agent, none = mixed(), torch.zeros(6, 6)
+    agent, none = mixed(), torch.zeros(6)
     env = EPuckEnv(senses=agent.senses)
     (seen, _), reward, fastest = env.reset(seed=0), 0.0, 0.0
     with torch.no_grad():
@@ -183,7 +183,7 @@ def test_two_senses_through_torchrl_equal_the_plain_loop(carried: bool) -> None:
     seen = world.observe(place)
     for k in range(60):
         assert torch.equal(seen["proximity"], batch["proximity"][k])
-        action = alone(seen, reward, torch.zeros(6, 6))
+        action = alone(seen, reward, torch.zeros(6))
         assert torch.equal(action, batch["action"][k])
         outcome, place = world.step(action, place)
         seen, reward = outcome.observation, outcome.reward
