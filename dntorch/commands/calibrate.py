@@ -37,10 +37,11 @@ if TYPE_CHECKING:
 )
 @click.pass_context
 def calibrate(context, images, to, colors, distance, **options) -> None:
-    """Measure a robot's camera and axle, for `robot run --calibration`.
+    """Measure a robot's camera and axle, for `robot run`.
 
     The robot turns a little more than once on the spot, amid blocks of all the colours. With
-    IMAGES, files that show the blocks all around, colours alone are measured.
+    IMAGES, files that show the blocks all around, colours alone are measured. The file is what
+    other commands read with --calibration.
     """
     given = {name: options.pop(name) for name in ("mirror", "fov", "axle", "fps")}
     known = {name: value for name, value in given.items() if value not in (None, False)}

@@ -26,7 +26,7 @@ from dntorch.process import can_compile
     help="Of `dntorch robot calibrate`: for that robot.  [default: for the simulated one]",
 )
 def export(run: Path, folder: Path, also: tuple[str, ...], calibration: Path | None) -> None:
-    """Export the agent of a RUN, to go on elsewhere without this package.
+    """Export the agent of a RUN, to run without this package.
 
     The folder gets agent.ts, agent.pt2, agent.onnx, manifest.json, a golden record of the
     agent at work and verify.py, which compares them where there is no dntorch.

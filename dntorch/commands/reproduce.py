@@ -49,7 +49,7 @@ def reproduce(context, file, runs, processes, out, resume, **options) -> None:
     The folder gets results.json, figures and report.html, which puts each sentence of the
     paper beside our number, its interval and a verdict.
 
-    In the world nodes, --seed is that of all runs; in epuck it is that of the first, and the
+    In the world nodes --seed is that of all runs; in the others it is that of the first, and the
     next take the next numbers.
     """
     require("numpy", "tqdm", "matplotlib", "jinja2", "scipy", "statsmodels")

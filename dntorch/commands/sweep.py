@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from dntorch.runs.pool import Finished
     from dntorch.runs.sweep import Table
 
+BATCHED = " and ".join(name for name, row in WORLDS.items() if row.batched)
+
 
 @click.command(cls=Computing)
 @options_of_a_run(without=("seed",))
@@ -51,7 +53,7 @@ if TYPE_CHECKING:
     type=whole(1, MOST_RUNS),
     default=1,
     show_default=True,
-    help="Runs of the world nodes that one process computes as a batch.",
+    help=f"Runs that one process computes as a batch, in the worlds {BATCHED}.",
 )
 @RAY
 @SLURM

@@ -15,6 +15,9 @@ from dntorch.runs.worlds import WORLDS
 
 needs_compiler = pytest.mark.skipif(not can_compile(), reason="needs a C++ compiler")
 SMALL = {"width": 20, "height": 9}
+every_batched_world = pytest.mark.parametrize(
+    "world", [name for name, row in WORLDS.items() if row.batched]
+)
 
 
 def group(world: str, count: int, steps: int = 700, **others) -> Group:
@@ -25,7 +28,7 @@ def group(world: str, count: int, steps: int = 700, **others) -> Group:
     return Group(config, seeds=tuple(5 + k for k in numbers), rows=numbers)
 
 
-@pytest.mark.parametrize("world", ["ring", "nodes"])
+@every_batched_world
 def test_alone_and_in_a_batch_of_a_world_the_decisions_are_the_same(world: str) -> None:
     together = Run(group(world, 3))
     together.advance(700)
@@ -39,7 +42,7 @@ def test_alone_and_in_a_batch_of_a_world_the_decisions_are_the_same(world: str) 
 
 
 @needs_compiler
-@pytest.mark.parametrize("world", ["ring", "nodes"])
+@every_batched_world
 def test_a_compiled_run_decides_as_the_eager_one_and_resumes_bit_by_bit(world, tmp_path) -> None:
     eager, whole = Run(group(world, 4), True), Run(group(world, 4), True, compiled=True)
     for run in (eager, whole):
