@@ -235,8 +235,8 @@ def test_an_exported_agent_ignores_and_counts_as_the_module_does(name: str, tmp_
     build, observe, batch = AGENTS[name]
     agent = build()
     agent.learner.trace.u.fill_(0.5)  # so that it learns from the first reward on
-    pairs = (*batch, agent.n, agent.n)
-    rows = rows_of((observe, unit(*batch), strong(*pairs)), 40)
+    each = (*batch, agent.n)
+    rows = rows_of((observe, unit(*batch), strong(*each)), 40)
     for step, k, number in ((5, 1, torch.nan), (12, 2, torch.inf), (19, 0, torch.nan)):
         rows[step][k] = spoiled(rows[step][k], number, batch)
     export_structure(agent, tmp_path, rows)
