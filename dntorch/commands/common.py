@@ -1,6 +1,7 @@
 """What several commands do."""
 
 import os
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -50,3 +51,8 @@ def new_folder(folder: Path, marks: Iterable[str], remedy: str = "name another -
     if not os.access(folder, os.W_OK):
         raise ValueError(f"--out={folder} cannot be written to: name another folder")
     return folder
+
+
+def refresh_interval() -> float:
+    """Seconds from one line of a progress bar to the next: few lines in a log file."""
+    return 0.1 if sys.stderr.isatty() else 20.0

@@ -67,7 +67,8 @@ def emulate(
             click.echo(f"{options['protocol']} at {server.address}")
             sys.stdout.flush()
             _watch(emulator)
-    click.echo(f"{emulator.steps} steps, faults: {dict(emulator.faults.counts)}")
+    counts = [f"{count} {name}" for name, count in emulator.faults.counts.items()]
+    click.echo(f"{emulator.steps} steps, faults: {', '.join(counts) or 'none'}")
 
 
 def _watch(emulator: "Emulator") -> None:

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dntorch.commands.common import OF_A_RUN, RUNS, Computing, new_folder, refuse_options
+from dntorch.commands.common import (
+    OF_A_RUN,
+    RUNS,
+    Computing,
+    new_folder,
+    refresh_interval,
+    refuse_options,
+)
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FOLDER
 from dntorch.commands.options import CHECKPOINT_EVERY, COMPILE, build_config, options_of_a_run
 from dntorch.extras import has, require
@@ -84,9 +91,10 @@ def learn(context, file, out, resume, checkpoint_every, video, log, compiled, **
 
 def within_reach(config: Config) -> Config:
     """The same run in a world that can be had here."""
-    if config.world != "epuck" or all(map(has, WORLDS["epuck"].packages)):
+    row = WORLDS[config.world]
+    if not row.instead or all(map(has, row.packages)):
         return config
-    return replace(config, world="ring")
+    return replace(config, world=row.instead)
 
 
 def _require_film(config: Config, video: bool) -> None:
@@ -101,7 +109,8 @@ def _train(trial: "Trial", folder: Path, checkpoint_every: int, video: bool, log
 
     end_when_asked()
     begun_at, config = trial.step, trial.config
-    with tqdm(total=config.steps, initial=begun_at, unit="step", smoothing=0.1) as bar:
+    counting = {"total": config.steps, "initial": begun_at, "unit": "step", "smoothing": 0.1}
+    with tqdm(**counting, mininterval=refresh_interval()) as bar:
 
         def progress(trial: "Trial") -> None:
             bar.set_description("explore" if trial.step <= config.explore else "exploit", False)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from dntorch.colors import HUES, check_colors, check_sequence
 from dntorch.commands.kinds import OLD_FILE, Number, Parsed, whole
@@ -31,7 +32,14 @@ def options_of_a_run(without: tuple[str, ...] = (), **defaults: Any) -> Callable
 
 
 def build_config(file: Path | None, values: Mapping[str, Any]) -> Config:
-    """The config of a run whose options came from the command line and from ``file``."""
+    """The config of a run whose options came from the command line and from ``file``.
+
+    Of a run shorter than the default exploration, half is exploration unless it was said.
+    """
+    context = click.get_current_context(silent=True)
+    unsaid = context and context.get_parameter_source("explore") is ParameterSource.DEFAULT
+    if unsaid and values["explore"] > values["steps"]:
+        values = {**values, "explore": values["steps"] // 2}
     try:
         return Config(**values)
     except ValueError as error:

@@ -12,6 +12,7 @@ from dntorch.commands.common import (
     RUNS,
     Computing,
     new_folder,
+    refresh_interval,
     refuse_options,
 )
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FOLDER, whole
@@ -92,7 +93,8 @@ def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
 
     end_when_asked()
     total = reproducing.steps_to_take(config, runs, processes)
-    with tqdm(total=total, unit="step", unit_scale=True) as bar:
+    counting = {"total": total, "unit": "step", "unit_scale": True}
+    with tqdm(**counting, mininterval=refresh_interval()) as bar:
         try:
             return reproducing.reproduce(
                 config, runs, folder, processes, lambda done: bar.update(done - bar.n)

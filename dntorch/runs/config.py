@@ -60,7 +60,9 @@ class Config:
 
     world: str = _setting("epuck", TEXT, tuple(WORLDS))
     seed: int = _setting(0, "Of layout, exploration and durations.", within=_whole(0, 2**32 - 1))
-    explore: int = _setting(50_000, "Control steps of exploration.", within=_whole(0, LONGEST))
+    explore: int = _setting(
+        50_000, "Control steps of exploration; half of a shorter run.", within=_whole(0, LONGEST)
+    )
     steps: int = _setting(
         100_000, "Control steps in all; the rest is exploitation.", within=_whole(1, LONGEST)
     )

@@ -33,6 +33,8 @@ class Row(NamedTuple):
     there is nothing to see"""
     packages: tuple[str, ...] = ()
     """what it imports besides PyTorch and NumPy"""
+    instead: str = ""
+    """the world that `learn` takes where these are missing"""
 
 
 def build_task(config: Config, others: tuple[str, ...] = ()) -> SequenceTask:
@@ -85,7 +87,7 @@ ROBOT = ("image", "wheels", "proximity")
 WORLDS = {
     "epuck": Row(
         "PyBullet, from camera images", ROBOT, _epuck, batched=False, numbered=False,
-        env=_epuck_env, packages=("pybullet", "gymnasium"),
+        env=_epuck_env, packages=("pybullet", "gymnasium"), instead="ring",
     ),
     "ring": Row(
         "the same seen in torch, needs no PyBullet", ROBOT, _ring, batched=True, numbered=False,

@@ -78,6 +78,13 @@ def test_options_make_a_config_and_a_config_makes_options() -> None:
 # ------------------------------------------------------------------ files
 
 
+def test_of_a_short_run_half_is_exploration_unless_it_is_said() -> None:
+    assert config_of("--steps", 2000).explore == 1000
+    assert config_of("--steps", 200_000).explore == 50_000
+    with pytest.raises(ValueError, match="explore=60 is not within steps=50"):
+        config_of("--steps", 50, "--explore", 60)
+
+
 def test_a_file_of_a_run_gives_its_options_and_the_command_line_wins(tmp_path: Path) -> None:
     config = Config(world="nodes", seed=5, noise=4.0, trace_tau=0.7)
     file = write(tmp_path / "results.json", json.dumps({"seed": 99, "config": asdict(config)}))
