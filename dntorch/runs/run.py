@@ -48,7 +48,6 @@ class Run:
         compiled: bool = False,
     ) -> None:
         self.group = group if isinstance(group, Group) else Group(group)
-        self.compiled = compiled
         self.config, batch = self.group.config, self.group.batch
         if batch and not WORLDS[self.config.world].batched:
             raise ValueError(
@@ -76,6 +75,11 @@ class Run:
     def record(self) -> Record:
         """What happened, step by step, of a run that remembers all of it."""
         return self.memory
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the step is compiled; not where this machine failed to."""
+        return self.engine.compiled
 
     @property
     def finished(self) -> bool:
