@@ -10,8 +10,8 @@ from torch import Tensor
 from torch.utils import _pytree as pytree
 
 UNCOMPILED = (
-    "the step could not be compiled ({}), the run goes on without: make the C++ compiler and "
-    "TORCHINDUCTOR_CACHE_DIR, a folder to write to without a space in its name, work"
+    "the step could not be compiled ({}), so the run goes on slower: to compile, give a C++ "
+    "compiler that works, and a TORCHINDUCTOR_CACHE_DIR to write to, without spaces in its name"
 )
 
 
@@ -60,8 +60,11 @@ class Compiled:
 
 
 def _is_of_the_machine(error: Exception) -> bool:
-    """Whether compiling failed for what the machine lacks, not for what the step does."""
-    return isinstance(error, (OSError, torch._dynamo.exc.BackendCompilerFailed))
+    """Whether compiling failed for what the machine lacks, not for what the step does.
+
+    After an OSError the compiler may be half imported: to ask it for its errors would fail.
+    """
+    return isinstance(error, OSError) or isinstance(error, torch._dynamo.exc.BackendCompilerFailed)
 
 
 class Alternating:

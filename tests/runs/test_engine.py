@@ -1,5 +1,8 @@
 """One engine: alone, in a batch, compiled and resumed it is the same run."""
 
+import os
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -178,3 +181,21 @@ def test_where_compiling_fails_the_run_goes_on_without(
         np.testing.assert_array_equal(resumed.record.arrays()[name], array, err_msg=name)
     for run in (eager, compiled, resumed):
         run.close()
+
+
+def test_a_cache_that_cannot_be_written_to_leaves_no_half_of_the_compiler() -> None:
+    program = (
+        "from dntorch.runs.config import Config\n"
+        "from dntorch.runs.run import Trial\n"
+        "run = Trial(Config(world='nodes', steps=9, explore=5), compiled=True)\n"
+        "run.advance(9)\n"
+        "print(run.step, run.compiled)\n"
+    )
+    command = [sys.executable, "-c", program]
+    environment = os.environ | {
+        "TORCHINDUCTOR_CACHE_DIR": "/dev/null/none",
+        "PYTHONWARNINGS": "default",
+    }
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.stdout == "9 False\n", done.stderr
+    assert "could not be compiled" in done.stderr
