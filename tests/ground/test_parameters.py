@@ -48,7 +48,7 @@ CALLED = "dt"
 
 
 def numbers_of(build):
-    return [name for name in type(build())._numeric() if name != CALLED]
+    return [name for name in type(build()).numeric() if name != CALLED]
 
 
 EVERY_NUMBER = [(s, name) for s, build in STRUCTURES.items() for name in numbers_of(build)]

@@ -1,5 +1,9 @@
 """One engine: alone, in a batch, compiled and resumed it is the same run."""
 
+import os
+import subprocess
+import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -140,3 +144,58 @@ def test_many_events_in_a_short_time_are_all_kept() -> None:
     alone = Run(Population(config, variant="printed_rest"), True)
     alone.advance(300)
     assert alone.agent.decisions == (alone.memory.joined()["onset"][:, 1] < 300).sum() > 90
+
+
+def no_cache(*_, **__):
+    raise FileNotFoundError(2, "No such file or directory", "/proc/no")
+
+
+def no_compiler(*_, **__):
+    raise RuntimeError("No working C++ compiler found")
+
+
+BROKEN = {"cache": no_cache, "compiler": partial(torch.compile, backend=no_compiler)}
+
+
+@pytest.mark.parametrize("broken", BROKEN)
+@pytest.mark.parametrize("world", ["nodes", "epuck"])
+def test_where_compiling_fails_the_run_goes_on_without(
+    broken: str, world: str, tmp_path: Path, monkeypatch
+) -> None:
+    if world == "epuck":
+        pytest.importorskip("pybullet")
+    torch.compiler.reset()
+    config = Config(world=world, steps=60, explore=30, noise=9.5, **SMALL)
+    eager, compiled = Trial(config), Trial(config, compiled=True)
+    eager.advance(60)
+    with monkeypatch.context() as patched, pytest.warns(UserWarning, match="could not be compiled"):
+        patched.setattr(torch, "compile", BROKEN[broken])
+        compiled.advance(30)
+        assert not compiled.compiled
+        compiled.save(tmp_path / "c.pt")  # as what it is: what resumes it takes the same steps
+        compiled.advance(60)
+    resumed = Trial.load(tmp_path / "c.pt")
+    resumed.advance(60)
+    for name, array in eager.record.arrays().items():
+        np.testing.assert_array_equal(compiled.record.arrays()[name], array, err_msg=name)
+        np.testing.assert_array_equal(resumed.record.arrays()[name], array, err_msg=name)
+    for run in (eager, compiled, resumed):
+        run.close()
+
+
+def test_a_cache_that_cannot_be_written_to_leaves_no_half_of_the_compiler() -> None:
+    program = (
+        "from dntorch.runs.config import Config\n"
+        "from dntorch.runs.run import Trial\n"
+        "run = Trial(Config(world='nodes', steps=9, explore=5), compiled=True)\n"
+        "run.advance(9)\n"
+        "print(run.step, run.compiled)\n"
+    )
+    command = [sys.executable, "-c", program]
+    environment = os.environ | {
+        "TORCHINDUCTOR_CACHE_DIR": "/dev/null/none",
+        "PYTHONWARNINGS": "default",
+    }
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.stdout == "9 False\n", done.stderr
+    assert "could not be compiled" in done.stderr

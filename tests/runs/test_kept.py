@@ -265,11 +265,18 @@ def test_damaged_events_are_named(tmp_path: Path) -> None:
 
 WRONG = {
     "step": lambda c: c.update(step="three"),
+    "step before the first": lambda c: c.update(step=-1),
+    "step beyond the last": lambda c: c.update(step=10**9),
+    "step in parts": lambda c: c.update(step=2.5),
     "no step": lambda c: c.pop("step"),
     "seen": lambda c: c.update(seen=[{}, 3]),
+    "seen of one": lambda c: c.update(seen=[]),
+    "rows of memory": lambda c: c["memory"].update(reward=c["memory"]["reward"][:-1]),
+    "numbers of memory": lambda c: c["memory"].update(found=c["memory"]["found"] * 1.0),
     "memory": lambda c: c.update(memory={"length": 3}),
     "memory of another kind": lambda c: c.update(memory=None),
     "world": lambda c: c.update(world={}),
+    "world of a batch": lambda c: c.update(world=[torch.zeros(7) for _ in c["world"]]),
     "agent": lambda c: c.update(agent=[]),
     "config": lambda c: c.update(config={"planet": "mars"}),
     "config of another kind": lambda c: c.update(config=3),
@@ -278,13 +285,16 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_checkpoint_with_other_content_is_one_sentence(name: str, tmp_path: Path) -> None:
-    content = Trial(SHORT).content()
+    trial = Trial(SHORT)
+    trial.advance(3)
+    content = trial.content()
     WRONG[name](content)
     files.save(tmp_path / "c.pt", content)
     with pytest.raises(ValueError) as raised:
         Trial.load(tmp_path / "c.pt")
     assert "\n" not in str(raised.value)
-    words = ("of another version of dntorch", "build the structure")
+    words = ("of another version of dntorch", "build the structure", "it was taken of")
+    assert str(tmp_path / "c.pt") in str(raised.value)
     assert any(text in str(raised.value) for text in words), raised.value
 
 
