@@ -233,6 +233,7 @@ def dntorch(*arguments: object) -> subprocess.Popen:
 @pytest.fixture(scope="module")
 def camera(tmp_path_factory) -> Path:
     """A folder of finished runs in PyBullet."""
+    pytest.importorskip("pybullet")
     folder = tmp_path_factory.mktemp("camera") / "whole"
     process = dntorch(*CAMERA, "--out", folder)
     output, errors = process.communicate(timeout=300)

@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from needs import EPUCK
 
 from dntorch import files
 from dntorch.cli import main
 from dntorch.runs.config import Config
 from dntorch.runs.run import Trial
 
-WORLDS = ["nodes", "epuck"]
+WORLDS = ["nodes", EPUCK]
 
 
 def same(a, b, where: str = "") -> None:
@@ -60,7 +61,7 @@ def test_a_resumed_run_goes_on_to_the_same_numbers(world: str, tmp_path: Path) -
 
 
 def test_saving_changes_nothing(tmp_path: Path) -> None:
-    config = Config(steps=120, explore=100)
+    config = Config(world="ring", steps=120, explore=100)
     plain, saved = Trial(config), Trial(config)
     plain.advance(120)
     for _ in range(6):
