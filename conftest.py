@@ -20,6 +20,7 @@ EXEMPT = {
     "ignore:`torch.jit:DeprecationWarning": "robots with this stack need TorchScript",
     "ignore:Creating :DeprecationWarning": "TorchRL 0.14 deprecates weight updaters of its own",
     "ignore:The policy is not an nn.Module:UserWarning": "each Ray worker builds its own",
+    "ignore:Guards may run slower on Python 3.13.0:RuntimeWarning": "so says TorchDynamo of 3.13.0",
     "ignore:RayCollector iteration started before weight:UserWarning": "no weights are sent",
 }
 os.environ["PYTHONWARNINGS"] = ",".join(["error", *EXEMPT])

@@ -8,7 +8,7 @@ count counter-clockwise.
 import math
 from dataclasses import dataclass
 
-from dntorch.quantities import Interval, check_quantities
+from dntorch.quantities import Interval, check_quantities, check_vector
 
 #: Motor steps in one turn of a wheel.
 STEPS_PER_TURN = 1000
@@ -63,6 +63,7 @@ class Body:
             speed_cap=self.speed_cap, near=self.near, fov=self.fov, width=self.width,
             height=self.height,
         )  # fmt: skip
+        check_vector("camera", self.camera, Interval(-1, 1, unit="m"))
         if self.fov >= math.pi:
             raise ValueError(f"fov={self.fov!r} is no flat image: give radians below pi")
         if int(self.width) != self.width or int(self.height) != self.height:

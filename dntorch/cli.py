@@ -13,6 +13,8 @@ def main() -> None:
     except ImportError as error:
         print(f"dntorch: {error}: run pip install 'dntorch[cli,sim]'", file=sys.stderr)
         sys.exit(2)
+    except KeyboardInterrupt:  # before there is a command to stop
+        sys.exit(130)
     dntorch()
 
 

@@ -6,6 +6,8 @@ Letters are the public names of colours everywhere: ``"GBYRG"`` is a sequence,
 
 from __future__ import annotations
 
+from dntorch.quantities import shown
+
 #: Hue in degrees on the HSV circle.
 HUES: dict[str, float] = {
     "R": 0.0, "O": 30.0, "Y": 60.0, "G": 120.0,
@@ -32,6 +34,7 @@ REWARD, REWARD_DURATION = 2.0, 1.0
 
 def check_colors(colors: str) -> str:
     """Return ``colors`` if it is a repertoire: two or more known letters, none twice."""
+    _check_text("colors", colors)
     unknown = [letter for letter in colors if letter not in HUES]
     if unknown:
         raise ValueError(
@@ -48,6 +51,7 @@ def check_sequence(sequence: str, colors: str) -> str:
     A behaviour never follows itself (it is finished: its condition of satisfaction
     inhibits it), so a letter may return but not at once.
     """
+    _check_text("sequence", sequence)
     missing = [letter for letter in sequence if letter not in colors]
     if missing:
         raise ValueError(
@@ -63,6 +67,11 @@ def check_sequence(sequence: str, colors: str) -> str:
                 "itself, put another letter between"
             )
     return sequence
+
+
+def _check_text(name: str, value: str) -> None:
+    if not isinstance(value, str):
+        raise ValueError(f"{name}={shown(value)} is no text: give letters, as {PAPER!r}")
 
 
 def indices(sequence: str, colors: str) -> list[int]:

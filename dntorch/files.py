@@ -99,7 +99,7 @@ def before(path: Path) -> Path:
     return path.with_name(f"{path.stem}.before{path.suffix}")
 
 
-def save(path: Path, content: dict[str, Any]) -> None:
+def save(path: Path | str, content: dict[str, Any]) -> None:
     """Save numbers, text, tensors, arrays and bytes in nested dicts, lists and tuples.
 
     The checkpoint that was there is kept `before` it, in case the new one gets damaged.
@@ -108,16 +108,17 @@ def save(path: Path, content: dict[str, Any]) -> None:
         ValueError: something in it could not be loaded again; the sentence says where.
         OSError: it cannot be written; the checkpoint that was there is whole.
     """
-    packed = pack(content)
+    path, packed = Path(path), pack(content)
     write_atomically(path, lambda sink: _write(sink, packed), before(path))
 
 
-def load(path: Path) -> dict[str, Any]:
+def load(path: Path | str) -> dict[str, Any]:
     """Load what `save` saved, without running any code that the file might bring.
 
     Raises:
         ValueError: there is no checkpoint, or it is damaged or of another version.
     """
+    path = Path(path)
     try:
         with path.open("rb") as file:
             return _read(file, path)

@@ -162,14 +162,14 @@ class Parameters(nn.Module):
         return number
 
     @classmethod
-    def _numeric(cls) -> list[str]:
+    def numeric(cls) -> list[str]:
         """Names of the parameters that are numbers."""
         return [name for name, each in cls._arguments.items() if each.annotation in _NUMERIC]
 
     def _numbers(self) -> dict[str, Tensor]:
         """Parameters that are tensors, one number per agent."""
         held = {**self._buffers, **self._parameters}
-        return {k: held[k] for k in self._numeric() if isinstance(held.get(k), Tensor)}
+        return {k: held[k] for k in self.numeric() if isinstance(held.get(k), Tensor)}
 
     def extra_repr(self) -> str:
         """The parameters, for ``print``."""
@@ -180,7 +180,7 @@ class Parameters(nn.Module):
         if hasattr(self, name):
             return
         for path, part in self.named_modules():
-            if isinstance(part, Parameters) and name in part._numeric():
+            if isinstance(part, Parameters) and name in part.numeric():
                 raise AttributeError(
                     f"{type(self).__name__} has no parameter {name!r}: set {path}.{name}"
                 )

@@ -1,6 +1,8 @@
 """Sentences about plain numbers with a unit; `dntorch.checks` has those about tensors."""
 
 import math
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
@@ -12,8 +14,24 @@ def check_quantities(**quantities: float) -> None:
     >>> check_quantities(axle=0.052, dt=1 / 32)
     """
     for name, value in quantities.items():
-        if not (value > 0 and math.isfinite(value)):
-            raise ValueError(f"{name}={value!r} is not positive and finite: give a number above 0")
+        number = isinstance(value, Real) and not isinstance(value, bool)
+        if not (number and 0 < value <= sys.float_info.max):
+            raise ValueError(
+                f"{name}={shown(value)} is not positive and finite: give a number above 0"
+            )
+
+
+def check_vector(name: str, value: Any, within: "Interval") -> None:
+    """Raise a ``ValueError`` unless ``value`` is three numbers."""
+    three = isinstance(value, Sequence) and len(value) == 3
+    if not three or any(number not in within for number in value):
+        raise ValueError(f"{name}={shown(value)}: give {within}, three times")
+
+
+def check_kind(name: str, value: Any, kind: type) -> None:
+    """Raise a ``ValueError`` unless ``value`` is an object of this class, which tells how."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{name}={shown(value)} is no {name}: give {kind.__name__}(...)")
 
 
 @dataclass(frozen=True)

@@ -66,11 +66,12 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--steps", type=int, default=10_000, help="of each agent")
     parser.add_argument("--seed", type=int, default=3, help="of the first agent")
+    parser.add_argument("--world", default="epuck", help="such as ring, which needs no PyBullet")
     parser.add_argument("--out", type=Path, default=Path("runs/collector_async"))
     arguments = parser.parse_args()
     settle()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    steps, task = arguments.steps, {"sequence": "GB", "colors": "GBY"}
+    steps, task = arguments.steps, {"world": arguments.world, "sequence": "GB", "colors": "GBY"}
     configs = [
         Config(seed=arguments.seed + k, steps=steps, explore=steps // 2, **task)
         for k in range(arguments.workers)

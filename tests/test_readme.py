@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from needs import needs
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["own.md", "export.md"]
@@ -21,7 +22,9 @@ def test_there_is_code_to_run() -> None:
     assert len(BLOCKS) >= 2
 
 
-@pytest.mark.parametrize("block", BLOCKS)
+@pytest.mark.parametrize(
+    "block", [pytest.param(b, marks=needs("pybullet") if "EPuck" in b else ()) for b in BLOCKS]
+)
 def test_readme_code_runs(block: str) -> None:
     exec(compile(block, "README.md", "exec"), {})
 

@@ -7,7 +7,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dntorch.envs.task import SequenceTask
 from dntorch.envs.world import Outcome, World
+from dntorch.quantities import check_kind
+
+NOWHERE = -1
 
 
 class GymState(NamedTuple):
@@ -24,14 +28,17 @@ class GymWorld(World[GymState]):
         env: with ``task``, and ``found`` and ``completed`` in its info.
 
     Raises:
-        ValueError: a batch.
+        ValueError: an env without a task, a batch, a snapshot of something else.
         RuntimeError: a step from a state that is not the last.
     """
 
     pure = False
 
     def __init__(self, env: gymnasium.Env) -> None:
-        self.env, self.task = env, env.unwrapped.task
+        check_kind("env", env, gymnasium.Env)
+        task = getattr(env.unwrapped, "task", None)
+        check_kind("task", task, SequenceTask)
+        self.env, self.task = env, task
         self.senses = tuple(env.observation_space)
         self._steps = 0
 
@@ -70,10 +77,13 @@ class GymWorld(World[GymState]):
         return {"env": self.env.unwrapped.state_dict(), "steps": self._steps, "seed": self._seed}
 
     def restore(self, snapshot: Any, state: GymState) -> GymState:
-        self._steps, self._seed = snapshot["steps"], snapshot["seed"]
-        self.env.reset(seed=self._seed)
+        if not isinstance(snapshot, dict) or snapshot.keys() != {"env", "steps", "seed"}:
+            raise ValueError("the snapshot is of another world: restore it where it was taken")
+        self._steps = NOWHERE  # unless all of it is restored, no state is that of the env
+        self.env.reset(seed=snapshot["seed"])
         self.env.unwrapped.load_state_dict(snapshot["env"])
         self._seen = self.env.unwrapped.observe()
+        self._steps, self._seed = snapshot["steps"], snapshot["seed"]
         return GymState(self._steps)
 
     def close(self) -> None:

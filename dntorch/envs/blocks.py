@@ -13,14 +13,15 @@ from gymnasium import spaces
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.colors import HUES
 from dntorch.envs import sensors
+from dntorch.envs.checks import check_episode, check_snapshot, check_whole
 from dntorch.envs.drive import Drive, check_speeds
 from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge
-from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole, shuffled
+from dntorch.envs.layout import DAYLIGHT, Light, Ring, shuffled
 from dntorch.envs.pose import Pose
 from dntorch.envs.referee import Referee
 from dntorch.envs.senses import SENSES
 from dntorch.envs.task import SequenceTask
-from dntorch.quantities import check_quantities, per_second
+from dntorch.quantities import per_second
 
 
 class BlocksEnv(gymnasium.Env):
@@ -87,8 +88,8 @@ class BlocksEnv(gymnasium.Env):
         render_mode: str | None = None,
         max_seconds: float | None = None,
     ) -> None:
-        task, ring = check_whole(task, ring, tolerance)
-        _check(layout_seed, render_mode, max_seconds)
+        task, ring = check_whole(task, ring, light, body, tolerance)
+        check_episode(layout_seed, render_mode, max_seconds)
         self.observation_space = sensors.observation_space(body, senses)
         self.task, self.ring, self.body, self.light = task, ring, body, light
         self.layout_seed = layout_seed
@@ -219,18 +220,31 @@ class BlocksEnv(gymnasium.Env):
         """Go on from a snapshot of :meth:`state_dict`.
 
         Raises:
-            ValueError: the snapshot comes from an env with other arguments.
+            ValueError: the snapshot comes from an env with other arguments, or is damaged; the
+                env is as it was.
         """
-        if state["world"] != repr(self._world):
+        check_snapshot(state, repr(self._world), type(self).__name__)
+        before = None if self._steps is None else self.state_dict()
+        try:
+            self._restore(state)
+        except gymnasium.error.Error:
+            raise  # it was closed
+        except Exception as error:
+            if before is not None:
+                self._restore(before)
             raise ValueError(
-                f"the snapshot is of another world: build {type(self).__name__}"
-                f"({state['world']}) to load it"
-            )
+                f"the snapshot is damaged ({type(error).__name__}: {error}): give another"
+            ) from error
+
+    def _restore(self, state: dict[str, Any]) -> None:
+        layout, steps = np.array(state["layout"]), int(state["steps"])
+        if layout.shape != (self.ring.blocks,):
+            raise ValueError(f"a layout of {layout.size} blocks")
         self.np_random.bit_generator.state = state["random"]
-        self._arrange(state["layout"].copy())
+        self._arrange(layout)
         self._drive.restore(state["drive"])
-        self._pose, self._steps = self._drive.pose(), state["steps"]
         self._referee.restore(state)
+        self._pose, self._steps = self._drive.pose(), steps
 
     # ---------------------------------------------------------------- inside
 
@@ -245,12 +259,3 @@ class BlocksEnv(gymnasium.Env):
 
     def _told(self, info: dict[str, Any], yaw_rate: float) -> dict[str, Any]:
         return info | {"yaw": np.float64(self._pose.yaw), "yaw_rate": np.float64(yaw_rate)}
-
-
-def _check(layout_seed: int | None, render_mode: str | None, max_seconds: float | None) -> None:
-    """Raise a ``ValueError`` for the first argument that no other part would refuse."""
-    check_quantities(max_seconds=1.0 if max_seconds is None else max_seconds)
-    if layout_seed is not None and layout_seed < 0:
-        raise ValueError(f"layout_seed={layout_seed!r}: give None or an integer from 0")
-    if render_mode not in (None, "rgb_array"):
-        raise ValueError(f"render_mode={render_mode!r}: give 'rgb_array' or None")

@@ -10,12 +10,13 @@ import numpy as np
 from dntorch.body import Body
 from dntorch.envs.pose import Pose
 from dntorch.envs.scene import Scene
+from dntorch.envs.sensors import two_speeds
 
 
 def check_speeds(action: np.ndarray, cap: float) -> np.ndarray:
     """Wheel speeds (left, right) in rad/s, clipped to ``cap``, or a ``ValueError``."""
-    speeds = np.asarray(action, np.float64)
-    if speeds.shape != (2,) or not np.isfinite(speeds).all():
+    speeds = two_speeds(action)
+    if speeds is None or not np.isfinite(speeds).all():
         raise ValueError(f"action={action!r}: give two finite wheel speeds (left, right) in rad/s")
     return speeds.clip(-cap, cap)
 

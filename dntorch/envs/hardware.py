@@ -11,9 +11,9 @@ from gymnasium import spaces
 
 from dntorch.body import EPUCK, Body
 from dntorch.envs.senses import PROXIMITY_TABLE, SENSES
-from dntorch.envs.sensors import observation_space
+from dntorch.envs.sensors import observation_space, two_speeds
 from dntorch.envs.task import NOTHING, SequenceTask
-from dntorch.quantities import check_quantities, per_second
+from dntorch.quantities import check_kind, check_quantities, per_second
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.contract import Frame, Robot
@@ -80,7 +80,10 @@ class HardwareEnv(gymnasium.Env):
         patience: float = 10.0,
     ) -> None:
         check_quantities(patience=patience)
-        self.task, self.body, self.patience = task or SequenceTask(), body, patience
+        task = SequenceTask() if task is None else task
+        check_kind("task", task, SequenceTask)
+        check_kind("body", body, Body)
+        self.task, self.body, self.patience = task, body, patience
         self.metadata = {**self.metadata, "render_fps": per_second(self.dt)}
         self.clock, self.calibration = clock or RealClock(), calibration or Calibration()
         self.guard = Guard(robot, self.clock, limits or Limits(speed=body.speed_cap))
@@ -200,8 +203,8 @@ class HardwareEnv(gymnasium.Env):
         return self.task.reward * (self._pressed > 0)
 
     def _speeds(self, action: np.ndarray) -> tuple[float, float]:
-        speeds = np.asarray(action, np.float64)
-        if speeds.shape != (2,):
+        speeds = two_speeds(action)
+        if speeds is None:
             self.guard.stop()
             raise ValueError(f"action={action!r}: give two wheel speeds (left, right) in rad/s")
         return float(speeds[0]), float(speeds[1])

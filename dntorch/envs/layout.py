@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dntorch.envs.task import SequenceTask
-from dntorch.quantities import check_quantities
+from dntorch.quantities import Interval, check_quantities, check_vector
 
 if TYPE_CHECKING:
     import numpy as np  # not needed to see the ring in torch
 
 SHAPES = ("box", "cylinder", "sphere")
+SHARE, BLOCKS = Interval(0, 1), Interval(1, 1000, whole=True)
 
 
 @dataclass(frozen=True)
@@ -34,15 +34,14 @@ class Light:
     """drawing shadows takes about three times as long"""
 
     def __post_init__(self) -> None:
-        if not (all(map(math.isfinite, self.direction)) and any(self.direction)):
+        check_vector("direction", self.direction, Interval(-1e6, 1e6))
+        if not any(self.direction):
             raise ValueError(
                 f"direction={self.direction!r} points nowhere: give a vector (x, y, z)"
             )
-        parts = {"ambient": self.ambient, "diffuse": self.diffuse, "specular": self.specular}
-        for name, value in {"color": self.color, **parts}.items():
-            each = value if name == "color" else (value,)
-            if not all(0 <= part <= 1 for part in each):
-                raise ValueError(f"{name}={value!r} is outside its range: give values from 0 to 1")
+        check_vector("color", self.color, SHARE)
+        for name in ("ambient", "diffuse", "specular"):
+            SHARE.check(name, getattr(self, name))
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,8 @@ class Ring:
 
     def __post_init__(self) -> None:
         check_quantities(blocks=self.blocks, radius=self.radius, block_size=self.block_size)
-        if self.block_shape not in (*SHAPES, "mixed"):
+        BLOCKS.check("blocks", self.blocks)
+        if not isinstance(self.block_shape, str) or self.block_shape not in (*SHAPES, "mixed"):
             raise ValueError(
                 f"block_shape={self.block_shape!r} is unknown: choose from {(*SHAPES, 'mixed')}"
             )
@@ -104,28 +104,3 @@ def shuffled(blocks: int, colors: int, random: np.random.Generator) -> np.ndarra
 
 #: White light from above, without shadows.
 DAYLIGHT = Light()
-
-
-def check_whole(
-    task: SequenceTask | None, ring: Ring | None, tolerance: float
-) -> tuple[SequenceTask, Ring]:
-    """The task and the ring of a world; by default the paper's, and four blocks of each colour.
-
-    Raises:
-        ValueError: they are of another type, or do not fit each other or the judge's
-            ``tolerance`` (rad).
-    """
-    task = SequenceTask() if task is None else task
-    if not isinstance(task, SequenceTask):
-        raise ValueError(f"task={task!r} is no task: give SequenceTask(...)")
-    share = len(task.colors)
-    ring = Ring(4 * share) if ring is None else ring
-    if not isinstance(ring, Ring):
-        raise ValueError(f"ring={ring!r} is no ring: give Ring(...)")
-    if ring.blocks % share:
-        raise ValueError(f"blocks={ring.blocks!r}: give a multiple of the {share} colors")
-    check_quantities(tolerance=tolerance)
-    half = math.pi / ring.blocks
-    if tolerance >= half:
-        raise ValueError(f"tolerance={tolerance!r}: give less than half a pitch, {half:.3f} rad")
-    return task, ring

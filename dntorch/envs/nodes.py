@@ -11,11 +11,13 @@ from torch import Tensor
 
 from dntorch.cells.functions import is_on
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
-from dntorch.envs.world import Outcome, World, individuals
+from dntorch.envs.world import Outcome, World, check_action, individuals
 from dntorch.noise import keyed_uniform
+from dntorch.quantities import Interval, check_kind
 
 AHEAD = 32
 """Visits whose durations are drawn ahead."""
+SPAN = Interval(0, 3600, unit="s")
 
 
 class NodesState(NamedTuple):
@@ -76,13 +78,19 @@ class NodesWorld(World[NodesState]):
         linger: float = 0.6,
         device: torch.device | str | None = None,
     ) -> None:
+        for name, value in {
+            "shortest": shortest, "longest": longest, "dwell": dwell, "linger": linger
+        }.items():  # fmt: skip
+            SPAN.check(name, value)
         if linger < dwell:
             raise ValueError(f"linger={linger} is shorter than dwell={dwell}: found could fail")
         if not 0 < shortest <= longest:
             raise ValueError(
                 f"shortest={shortest}, longest={longest}: give 0 < shortest <= longest"
             )
-        self.task, self.device = (task or SequenceTask()).to(device), device
+        task = SequenceTask() if task is None else task
+        check_kind("task", task, SequenceTask)
+        self.task, self.device = task.to(device), device
         dt = self.task.dt
         self.shortest, self.longest = shortest / dt, longest / dt
         self.dwell, self.linger = round(dwell / dt), round(linger / dt)
@@ -112,12 +120,8 @@ class NodesWorld(World[NodesState]):
         Raises:
             ValueError: intentions of another number or batch.
         """
-        if intention.shape != (*state.target.shape, self.n):
-            raise ValueError(
-                f"intention of shape {list(intention.shape)} does not fit "
-                f"{[*state.target.shape, self.n]}: begin with initial(batch) and name as many "
-                "colors as the agent has behaviors"
-            )
+        fit = "name as many colors as the agent has behaviors"
+        check_action("intention", intention, state.target.shape, self.n, fit)
         if not torch.compiler.is_compiling() and self.due(state, 1):
             state = self.provide(state)
         strongest, choice = intention.max(-1)

@@ -8,12 +8,13 @@ import torch
 from torch import Tensor
 
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
+from dntorch.envs.checks import check_whole
 from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge, JudgeState
-from dntorch.envs.layout import DAYLIGHT, Light, Ring, check_whole, shuffled
+from dntorch.envs.layout import DAYLIGHT, Light, Ring, shuffled
 from dntorch.envs.ring_camera import RingCamera, wrap
 from dntorch.envs.senses import check_senses
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
-from dntorch.envs.world import Outcome, World, individuals
+from dntorch.envs.world import Outcome, World, check_action, individuals
 
 
 class RingState(NamedTuple):
@@ -69,7 +70,7 @@ class RingWorld(World[RingState]):
         dtype: torch.dtype = torch.float32,
         device: torch.device | str | None = None,
     ) -> None:
-        task, self.ring = check_whole(task, ring, tolerance)
+        task, self.ring = check_whole(task, ring, light, body, tolerance)
         check_senses(senses)
         self.task = task.to(device)
         self.judge = Judge(tolerance, dwell, dwell_rate, task.dt)
@@ -92,7 +93,7 @@ class RingWorld(World[RingState]):
                 for agent 0. One seed for all, or int64 ``(*batch,)``.
             agents: number of each robot, as ``seed``.
         """
-        seed, agents = individuals(tuple(batch), seed, agents)
+        seed, agents = individuals(batch, seed, agents)
         batch = list(seed.shape)
         return RingState(
             torch.zeros([*batch, 2], dtype=torch.float64, device=self.device),
@@ -141,7 +142,11 @@ class RingWorld(World[RingState]):
         """One control step under wheel speeds ``(*batch, 2)`` in rad/s, left first.
 
         Speeds are clipped to ``body.speed_cap``; NaN counts as 0.
+
+        Raises:
+            ValueError: speeds of another number or batch.
         """
+        check_action("action", action, state.wheels.shape[:-1], 2, "give left and right of each")
         cap = self.body.speed_cap
         speeds = action.nan_to_num(0.0, cap, -cap).clamp(-cap, cap).to(torch.float64)
         rate = self.body.yaw_rate(*speeds.unbind(-1))

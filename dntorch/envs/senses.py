@@ -54,6 +54,8 @@ def proximity_reading(distance: Tensor, table: Tensor) -> Tensor:
 
 def check_senses(senses: Sequence[str]) -> None:
     """Raise a ``ValueError`` for a name that an e-puck does not sense."""
+    if not isinstance(senses, Sequence):
+        raise ValueError(f"senses={senses!r}: give a tuple out of {SENSES}")
     for name in senses:
         if name not in SENSES:
             raise ValueError(

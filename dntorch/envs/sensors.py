@@ -5,6 +5,7 @@ Numbers follow ``E-puck.proto`` and ``e-puck.md`` of Webots (Cyberbotics).
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -21,6 +22,15 @@ from dntorch.envs.senses import (
 
 FARTHEST = 2.0**24
 """Motor steps that float32 still counts one by one: 23 hours at the speed cap."""
+
+
+def two_speeds(action: Any) -> np.ndarray | None:
+    """Wheel speeds (left, right) as float64; None for what is no two numbers."""
+    try:
+        speeds = np.asarray(action, np.float64)
+    except (TypeError, ValueError):
+        return None
+    return speeds if speeds.shape == (2,) else None
 
 
 def observation_space(body: Body, senses: Sequence[str]) -> spaces.Dict:

@@ -6,7 +6,6 @@ what an agent says of itself.
 
 from __future__ import annotations
 
-import math
 from copy import copy
 from typing import NamedTuple
 
@@ -14,10 +13,11 @@ import torch
 from torch import Tensor
 
 from dntorch.colors import PAPER, REWARD, REWARD_DURATION, SEQUENCE, indices
-from dntorch.quantities import check_quantities
+from dntorch.quantities import Interval, check_quantities, shown
 
 NOTHING = -1
 """What ``found`` holds for an agent that found nothing in this step."""
+SIZE, DURATION = Interval(-1e6, 1e6), Interval(0, 1e6, unit="s")
 
 
 class TaskState(NamedTuple):
@@ -58,14 +58,15 @@ class SequenceTask:
         check_quantities(dt=dt)
         self.sequence, self.colors, self.reward, self.dt = sequence, colors, reward, dt
         self.duration, self.others = duration, others
+        if not isinstance(others, (tuple, list)):
+            raise ValueError(f"others={shown(others)}: give a tuple of sequences")
+        rewarded = [indices(each, colors) for each in (sequence, *others)]
         if any(len(other) != len(sequence) for other in others):
             raise ValueError(f"others={others}: give sequences as long as {sequence!r}")
-        self.targets = torch.tensor([indices(each, colors) for each in (sequence, *others)])
-        if not math.isfinite(duration):
-            raise ValueError(f"duration={duration} is not finite: give seconds")
+        self.targets = torch.tensor(rewarded)
+        SIZE.check("reward", reward)
+        DURATION.check("duration", duration)
         self.steps = round(duration / dt)
-        if not math.isfinite(reward):
-            raise ValueError(f"reward={reward} is not finite: give a number")
         if self.steps < 1:
             raise ValueError(f"duration={duration} is shorter than a step: give at least dt={dt}")
 

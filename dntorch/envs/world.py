@@ -1,5 +1,6 @@
 """What every world is: a pure step from an action to what it brought about."""
 
+from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import torch
@@ -7,6 +8,8 @@ from torch import Tensor
 from torch.utils import _pytree as pytree
 
 from dntorch.envs.task import SequenceTask
+from dntorch.noise import MASK
+from dntorch.quantities import Interval, shown
 
 S = TypeVar("S")
 
@@ -82,11 +85,41 @@ class World(Generic[S]):
         return [leaf.clone() for leaf in pytree.tree_leaves(state)]
 
     def restore(self, snapshot: Any, state: S) -> S:
-        """The state of a `snapshot`, in the form of ``state``."""
-        return pytree.tree_unflatten(snapshot, pytree.tree_structure(state))
+        """The state of a `snapshot`, in the form of ``state``.
+
+        Raises:
+            ValueError: it is of another world or batch.
+        """
+        leaves, structure = pytree.tree_flatten(state)
+        if not isinstance(snapshot, (list, tuple)) or _forms(snapshot) != _forms(leaves):
+            raise ValueError(
+                f"the snapshot is not of this {type(self).__name__} or not of its batch: restore "
+                "it with a state of the world and batch it was taken of"
+            )
+        moved = [new.to(own.device) for new, own in zip(snapshot, leaves)]
+        return pytree.tree_unflatten(moved, structure)
 
     def close(self) -> None:
         """Give back what the world holds outside of its state; a second call does nothing."""
+
+
+def _forms(leaves: Any) -> list:
+    return [(x.shape, x.dtype) if isinstance(x, Tensor) else type(x) for x in leaves]
+
+
+def check_action(name: str, action: Tensor, batch: Sequence[int], size: int, remedy: str) -> None:
+    """Raise a ``ValueError`` unless there is one action for each agent; others would broadcast."""
+    if not isinstance(action, Tensor):
+        raise ValueError(f"{name} is a {type(action).__name__}: give torch.as_tensor({name})")
+    if action.shape != (*batch, size):
+        raise ValueError(
+            f"{name} of shape {list(action.shape)} does not fit {[*batch, size]}: begin with "
+            f"initial(batch) and {remedy}"
+        )
+
+
+NUMBERS = Interval(0, MASK, whole=True)
+"""Seeds, and numbers of agents."""
 
 
 def individuals(
@@ -95,9 +128,12 @@ def individuals(
     """Seed and number of each agent, int64, ``(*batch,)``: who draws what depends on both.
 
     Raises:
-        ValueError: seeds or numbers of another batch.
+        ValueError: a batch that is none, seeds or numbers that are no whole numbers of 32 bits, or
+            of another batch.
     """
-    numbers = [torch.as_tensor(value, dtype=torch.int64) for value in (seed, agents)]
+    if not isinstance(batch, Sequence) or any(size not in NUMBERS for size in batch):
+        raise ValueError(f"batch={batch!r}: give a tuple of whole numbers, such as (8,)")
+    numbers = [_whole("seed", seed), _whole("agents", agents)]
     try:
         shape = torch.broadcast_shapes(tuple(batch), *(number.shape for number in numbers))
         wrong = bool(batch) and shape != tuple(batch)
@@ -110,3 +146,14 @@ def individuals(
             "or one for each agent"
         )
     return numbers[0].expand(shape).clone(), numbers[1].expand(shape).clone()
+
+
+def _whole(name: str, value: int | Tensor) -> Tensor:
+    if isinstance(value, Tensor):
+        whole = not (value.is_floating_point() or value.is_complex() or value.dtype == torch.bool)
+        right = whole and bool(((value >= 0) & (value <= MASK)).all())
+    else:
+        right = value in NUMBERS
+    if not right:
+        raise ValueError(f"{name}={shown(value)}: give {NUMBERS}, or an int64 tensor of them")
+    return torch.as_tensor(value, dtype=torch.int64)

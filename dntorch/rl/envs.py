@@ -12,6 +12,7 @@ from torchrl.envs.gym_like import default_info_dict_reader
 
 from dntorch.envs.task import NOTHING
 from dntorch.envs.world import World, individuals
+from dntorch.quantities import shown
 from dntorch.rl.transforms import AgentPrimer, LastReward, Report, Resumable
 
 
@@ -46,7 +47,7 @@ class WorldEnv(EnvBase):
         agents: int | Tensor = 0,
         device: torch.device | str = "cpu",
     ) -> None:
-        if not world.pure:
+        if not isinstance(world, World) or not world.pure:
             raise ValueError(f"world={type(world).__name__} is no pure world: use wrap(env)")
         seed, agents = individuals(batch, seed, agents)
         super().__init__(batch_size=agents.shape, device=torch.device(device))
@@ -100,17 +101,26 @@ class WorldEnv(EnvBase):
         )
 
     def _set_seed(self, seed: int | None) -> None:
-        if seed is not None:
-            self.seeds = torch.full_like(self.seeds, seed)
-        self.state = self._first()
+        seeds = self.seeds if seed is None else torch.full_like(self.seeds, seed)
+        self.state = self.world.initial(tuple(self.agents.shape), seeds, self.agents)
+        self.seeds = seeds
 
     def state_dict(self, *_: Any, **__: Any) -> dict[str, Any]:
         """A snapshot of the world."""
         return {"seeds": self.seeds, "state": self.world.snapshot(self.state)}
 
     def load_state_dict(self, state: dict[str, Any], *_: Any, **__: Any) -> None:
-        self.seeds = state["seeds"]
-        self.state = self.world.restore(state["state"], self.state)
+        """Go on from a snapshot.
+
+        Raises:
+            ValueError: it is of another world or batch; the env is as it was.
+        """
+        if "seeds" not in state or "state" not in state:
+            raise ValueError(
+                f"state has {list(state)}: give what state_dict() of a WorldEnv returned"
+            )
+        restored = self.world.restore(state["state"], self.state)
+        self.seeds, self.state = state["seeds"], restored
 
 
 def _seen(value: Tensor) -> Unbounded | Bounded:
@@ -141,6 +151,8 @@ def transformed(env: EnvBase, primer: AgentPrimer | None = None) -> TransformedE
 
     ``primer``, of ``policy.primer()``, carries the state of an agent in the tensordict.
     """
+    if not isinstance(env, EnvBase):
+        raise ValueError(f"env={shown(env)} is no TorchRL env: use wrap(env)")
     env = TransformedEnv(env, InitTracker())
     env.append_transform(LastReward())
     if primer is not None:

@@ -1,9 +1,15 @@
 """What a policy writes, and what an agent must be to act in it."""
 
+import math
+
 from torch import Tensor
 from torchrl.data import Composite, Unbounded
 
 from dntorch.modules.sarsa import AgentState, DNSarsa
+from dntorch.noise import Exploration
+from dntorch.quantities import Interval, check_kind, shown
+
+STEPS = Interval(0, math.inf)
 
 
 def written(agent: DNSarsa, state: AgentState, steps: Tensor) -> dict[str, Tensor]:
@@ -53,3 +59,13 @@ def check_form(agent: DNSarsa, senses: list[str], spec: Composite) -> None:
                 f"{name} of the agent is {own}, the policy was built for {built}: build another "
                 "AgentPolicy"
             )
+
+
+def check_noise(explore: float, exploration: Exploration | None) -> None:
+    """Raise unless a policy can explore for so many steps."""
+    if explore not in STEPS:
+        raise ValueError(f"explore={shown(explore)}: give a number of steps, 0 or more")
+    if exploration is not None:
+        check_kind("exploration", exploration, Exploration)
+    elif explore:
+        raise ValueError(f"explore={explore} needs exploration=dntorch.Exploration(n, seed)")

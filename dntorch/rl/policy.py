@@ -13,7 +13,7 @@ from dntorch.cells.functions import finite
 from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
 from dntorch.rl.buffers import StateBuffers
-from dntorch.rl.form import check_agent, check_form, spec_of, written
+from dntorch.rl.form import check_agent, check_form, check_noise, spec_of, written
 from dntorch.rl.state import from_tensors, to_tensors
 from dntorch.rl.transforms import AgentPrimer
 
@@ -59,8 +59,8 @@ class AgentPolicy(TensorDictModuleBase):
 
     Raises:
         TypeError: an agent that is no `DNSarsa`.
-        ValueError: ``explore`` without ``exploration``; values that a batch would share; an agent
-            that no longer fits.
+        ValueError: ``explore`` that is no number of steps, or without ``exploration``; values that
+            a batch would share; an agent that no longer fits.
         RuntimeError: on a step, when buffers that hold state lie in shared memory.
         KeyError: on a step, when the tensordict lacks a key.
     """
@@ -106,10 +106,7 @@ class AgentPolicy(TensorDictModuleBase):
         check_form(agent, self.in_keys[: self.in_keys.index("last_reward")], self.spec)
 
     def _require_noise(self) -> None:
-        if self.explore and self.exploration is None:
-            raise ValueError(
-                f"explore={self.explore} needs exploration=dntorch.Exploration(n, seed)"
-            )
+        check_noise(self.explore, self.exploration)
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         state, steps, seed = self._recall(tensordict)

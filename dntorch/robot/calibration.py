@@ -10,8 +10,9 @@ import numpy as np
 
 from dntorch.body import AXLE, DISTANCE, EPUCK, FOV, RATE
 from dntorch.colors import HUES, MIN_SATURATION, MIN_VALUE
-from dntorch.quantities import Interval
+from dntorch.quantities import Interval, check_vector
 
+TURN = Interval(0, 270, whole=True)
 GAIN, HUE = Interval(0, 100, above=True), Interval(0, 360, unit="degrees")
 
 
@@ -45,12 +46,11 @@ class Calibration:
         FOV.check("fov", self.fov)
         AXLE.check("axle", self.axle)
         RATE.check("fps", self.fps)
-        if isinstance(self.rotate, bool) or self.rotate not in (0, 90, 180, 270):
+        if self.rotate not in TURN or self.rotate % 90:
             raise ValueError(f"rotate={self.rotate!r}: choose 0, 90, 180 or 270")
         if not isinstance(self.mirror, bool):
             raise ValueError(f"mirror={self.mirror!r}: choose true or false")
-        if len(self.gains) != 3 or not all(gain in GAIN for gain in self.gains):
-            raise ValueError(f"gains={self.gains!r}: give {GAIN}, three times")
+        check_vector("gains", self.gains, GAIN)
         if not isinstance(self.hues, dict):
             raise ValueError(f"hues={self.hues!r}: give degrees by letter")
         for letter, hue in self.hues.items():

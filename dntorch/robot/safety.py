@@ -12,10 +12,12 @@ import threading
 from dataclasses import dataclass
 
 from dntorch.body import EPUCK
-from dntorch.quantities import check_quantities
+from dntorch.quantities import Interval, check_quantities
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.contract import Frame, Robot, Watched
 from dntorch.robot.signals import Signals
+
+SLEW = Interval(0, math.inf, above=True)
 
 #: Farthest back, in s, that a change of speed may have begun.
 PAUSE = 0.1
@@ -40,7 +42,7 @@ class Limits:
 
     def __post_init__(self) -> None:
         check_quantities(speed=self.speed, watchdog=self.watchdog, check=self.check)
-        if not self.slew > 0:
+        if self.slew not in SLEW:
             raise ValueError(f"slew={self.slew!r}: give a number above 0, or math.inf for none")
         if 2 * self.check > self.watchdog:
             raise ValueError(

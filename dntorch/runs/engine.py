@@ -6,8 +6,6 @@ The same for one agent and for a batch, eager and compiled, whatever is remember
 is compiled together with the agent; before another one the agent alone is.
 """
 
-import time
-from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -19,6 +17,7 @@ from dntorch.envs.world import Outcome, World
 from dntorch.modules.sarsa import AgentState, DNSarsa
 from dntorch.noise import Exploration
 from dntorch.runs.chance import HALF, Chance, draw, noise_of
+from dntorch.runs.compiling import Alternating, Compiled, overwrite
 
 SECONDS = 16.0
 """Simulated seconds of a portion, for which chance is drawn ahead."""
@@ -154,6 +153,11 @@ class Engine:
         return taken
 
     @property
+    def compiled(self) -> bool:
+        """Whether the step is compiled; not where this machine failed to."""
+        return self._fused is not None and not self._fused.failed
+
+    @property
     def compiling(self) -> float:
         """Seconds that compiling took so far, 0 where nothing is compiled."""
         return self._fused.seconds if self._fused else 0.0
@@ -186,64 +190,3 @@ def laid_out(moment: Moment) -> Moment:
     nodes = pytree.tree_map(innermost, moment)
     seen, fields = pytree.tree_map(kept, (moment.observation, moment.agent.sensorimotor))
     return nodes._replace(observation=seen, agent=nodes.agent._replace(sensorimotor=fields))
-
-
-def overwrite(moment: Moment, other: Moment) -> None:
-    """Copy every number of another moment into this one."""
-    for own, new in zip(pytree.tree_leaves(moment), pytree.tree_leaves(other)):
-        if own is not new:
-            own.copy_(new)
-
-
-class Compiled:
-    """A compiled function, which says how long its first call took.
-
-    Attributes:
-        sure: nothing but the numbers has changed since the last call, so that the compiler need
-            not look. Whoever lets others set a parameter in between makes it False.
-    """
-
-    def __init__(self, function: Callable) -> None:
-        self.function = torch.compile(function, fullgraph=True, dynamic=False)
-        self.seconds, self.sure = 0.0, False
-
-    def __call__(self, *inputs: Any) -> Any:
-        if self.sure:
-            with torch.compiler.set_stance("default", skip_guard_eval_unsafe=True):
-                return self.function(*inputs)
-        began = time.monotonic()
-        result = self.function(*inputs)
-        self.seconds = self.seconds or time.monotonic() - began
-        self.sure = True
-        return result
-
-
-class Alternating:
-    """A compiled step between two moments of fixed addresses, which take turns.
-
-    What is read is never written in the same step, so nothing is copied twice, and the
-    compiler keeps one entry: addresses and strides never change.
-    """
-
-    def __init__(self, step: Callable[[Moment, Chance], Moment]) -> None:
-        def write(moment: Moment, chance: Chance, target: Moment) -> None:
-            overwrite(target, step(moment, chance))
-
-        self.step, self.write = step, Compiled(write)
-        self.target: Moment | None = None
-
-    def __call__(self, moment: Moment, chance: Chance) -> Moment:
-        if self.target is None:
-            self.target = self._spare(moment, chance)
-        self.write(moment, chance, self.target)
-        self.target, moment = moment, self.target
-        return moment
-
-    def _spare(self, moment: Moment, chance: Chance) -> Moment:
-        """Room for the next moment; what a step hands on as it is, it shares with this one."""
-        after = self.step(moment, chance)  # only to see what is handed on: the next call repeats it
-
-        def room(own: Tensor, new: Tensor) -> Tensor:
-            return own if own is new else own.clone()
-
-        return pytree.tree_map(room, moment, after)

@@ -1,6 +1,7 @@
 """Which agents run as one batch, and in what they differ."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -8,10 +9,13 @@ import torch
 from torch import Tensor
 
 from dntorch.envs.task import SequenceTask
+from dntorch.envs.world import NUMBERS
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.noise import Exploration
+from dntorch.parameters import Parameters
+from dntorch.quantities import check_kind, shown
 from dntorch.runs.build import build_agent, build_exploration
-from dntorch.runs.config import Config
+from dntorch.runs.config import Config, check_setting
 from dntorch.runs.worlds import build_task
 
 #: Where a number of a config lies within an agent; others are of its task or its exploration.
@@ -26,6 +30,9 @@ class Group:
     """Which agents run, and what they share. Without seeds and agents: one, without a batch.
 
     Subclasses of the paper's studies change what is built.
+
+    Raises:
+        ValueError: numbers that are not one for each agent, or that none may have.
     """
 
     config: Config
@@ -42,6 +49,26 @@ class Group:
     rows: tuple[int, ...] = ()
     """what to call each agent in the events, by default its place"""
 
+    def __post_init__(self) -> None:
+        check_kind("config", self.config, Config)
+        each = {"agents": self.agents, "seeds": self.seeds, "rows": self.rows}
+        for name, numbers in each.items():
+            if not isinstance(numbers, Sequence) or any(k not in NUMBERS for k in numbers):
+                raise ValueError(f"{name}={shown(numbers)}: give a tuple, each {NUMBERS}")
+        count, each = len(self.agents or self.seeds), {**each, **self.parameters}
+        for name, numbers in each.items():
+            wanted = max(count, 1) if name == "rows" else count
+            if len(numbers) != wanted and (name in self.parameters or numbers):
+                raise ValueError(
+                    f"{name}={shown(numbers)} has {len(numbers)} numbers for {wanted} agents: give "
+                    "one for each of agents or seeds"
+                )
+        for name in set(self.parameters) & set(OUTSIDE):
+            for number in self.parameters[name]:
+                check_setting(name, number)
+                if name == "reward_duration" and number < self.config.dt:
+                    raise ValueError(f"{name}={number}: give at least dt={self.config.dt}")
+
     @classmethod
     def of(cls, configs: tuple[Config, ...]) -> "Group":
         """Runs that differ in nothing but `INDIVIDUAL`.
@@ -49,6 +76,8 @@ class Group:
         Raises:
             ValueError: runs that are no batch.
         """
+        if not configs:
+            raise ValueError(f"configs={configs!r}: give at least one")
         first, parameters = configs[0], {}
         for config in configs:
             build_agent(config)  # raises for a value that makes no agent
@@ -117,7 +146,13 @@ class Group:
                 exploration.amplitude = value
             else:
                 part, _, name = path.rpartition(".")
-                setattr(agent.get_submodule(part), name, value.to(dtype))
+                structure = dict(agent.named_modules()).get(part)
+                if not isinstance(structure, Parameters) or name not in structure.numeric():
+                    raise ValueError(
+                        f"parameters={path!r} is no number of the agent: give a path such as "
+                        f"{PATHS['trace_tau']!r}, or one of {OUTSIDE}"
+                    )
+                setattr(structure, name, value.to(dtype))
 
     # ------------------------------------------------------------------ files
 

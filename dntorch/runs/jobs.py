@@ -46,7 +46,7 @@ def split(job: Job, parts: int) -> list[Job]:
     group, count = job.group, len(job.group.agents or job.group.seeds)
     parts = max(parts, -(-count // LARGEST))
     if not WORLDS[group.config.world].batched:
-        one = replace(group, agents=(), seeds=(), parameters={})
+        one = replace(group, agents=(), seeds=(), parameters={}, rows=())
         alone = [replace(one, config=group.member(k), rows=(k,)) for k in range(count)]
         return [Job(f"{job.name}-{k}", each) for k, each in enumerate(alone)]
     edges = [count * k // parts for k in range(parts + 1)]

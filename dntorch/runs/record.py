@@ -101,9 +101,16 @@ class Record:
 
     def restore(self, snapshot: dict[str, np.ndarray], log: Rows | None = None) -> Rows | None:
         """Put recorded arrays back at the beginning; the log to go on with."""
-        self.length = len(snapshot["error"])
-        for name, array in snapshot.items():
-            getattr(self, name)[: len(array)] = array
+        length = len(snapshot["error"])
+        own = {name: array for name, array in vars(self).items() if isinstance(array, np.ndarray)}
+        for name, array in own.items():
+            rows = -(-length // self.SPARSE) if name == "weights" else length
+            form = (rows, *array.shape[1:]), array.dtype
+            if rows > len(array) or (snapshot[name].shape, snapshot[name].dtype) != form:
+                raise TypeError(f"{name} has not a row for each of {length} steps")
+        self.length = length
+        for name, array in own.items():
+            array[: len(snapshot[name])] = snapshot[name]
         return log
 
     def member(self, k: int) -> "Record":

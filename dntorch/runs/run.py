@@ -1,5 +1,6 @@
 """A run: agents in their worlds, from the first step to the last, stoppable at any."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -12,6 +13,7 @@ from torch.utils import _pytree as pytree
 from dntorch import files
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.process import can_compile
+from dntorch.quantities import Interval, check_kind, shown
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config, kept_config
 from dntorch.runs.engine import Engine
@@ -48,7 +50,6 @@ class Run:
         compiled: bool = False,
     ) -> None:
         self.group = group if isinstance(group, Group) else Group(group)
-        self.compiled = compiled
         self.config, batch = self.group.config, self.group.batch
         if batch and not WORLDS[self.config.world].batched:
             raise ValueError(
@@ -78,11 +79,22 @@ class Run:
         return self.memory
 
     @property
+    def compiled(self) -> bool:
+        """Whether the step is compiled; not where this machine failed to."""
+        return self.engine.compiled
+
+    @property
     def finished(self) -> bool:
         return self.step >= self.config.steps
 
     def advance(self, steps: int) -> None:
-        """Take up to ``steps`` control steps, not beyond the end of the run."""
+        """Take up to ``steps`` control steps, not beyond the end of the run.
+
+        Raises:
+            ValueError: no whole number of steps.
+        """
+        if steps not in Interval(0, math.inf, whole=True):
+            raise ValueError(f"steps={shown(steps)}: give a whole number, 0 or more")
         end = min(self.step + steps, self.config.steps)
         while self.step < end:
             exploring = self.step < self.config.explore
@@ -100,7 +112,15 @@ class Run:
                     self.memory.put(f"weights_{name}", self.agent.weights)
 
     def member(self, k: int) -> "Trial":
-        """One agent of a batch that remembers every step, as if it had run alone."""
+        """One agent of a batch that remembers every step, as if it had run alone.
+
+        Raises:
+            ValueError: there is no such agent, or only events are remembered.
+        """
+        if not isinstance(self.memory, Record) or k not in range(*self.group.batch or (0,)):
+            raise ValueError(
+                f"k={k}: give a place in the batch={list(self.group.batch)} of a Run(events=False)"
+            )
         trial, moment = Trial(self.group.member(k)), self.engine.moment
         own = pytree.tree_map(
             lambda leaf: leaf[k].clone(), moment._replace(step=moment.reward, log=())
@@ -143,14 +163,19 @@ class Run:
         content = files.load(path)
         with _fitting(path):
             self.group.check(content.get("group", ""), path)
+            step, seen = content["step"], content["seen"]
+            if step not in Interval(0, self.config.steps, whole=True):
+                raise TypeError(f"step={shown(step)} is none of {self.config.steps}")
             self.agent.restore(content["agent"])
             moment = self.engine.moment
-            observation, reward = content["seen"]
-            if _form((observation, reward)) != _form((moment.observation, moment.reward)):
+            if not isinstance(seen, list) or _form(seen) != _form(
+                [moment.observation, moment.reward]
+            ):
                 raise TypeError("the agent has seen something else")
+            observation, reward = seen
             self.engine.restore(
                 moment._replace(
-                    step=torch.full_like(moment.step, content["step"]),
+                    step=torch.full_like(moment.step, step),
                     observation=observation,
                     reward=reward,
                     agent=self.agent.state,
@@ -158,7 +183,7 @@ class Run:
                     log=self.memory.restore(content["memory"], moment.log),
                 )
             )
-            self.step = content["step"]
+            self.step = step
         return self
 
 
@@ -166,6 +191,7 @@ class Trial(Run):
     """A run of one agent that remembers every step."""
 
     def __init__(self, config: Config, compiled: bool = False) -> None:
+        check_kind("config", config, Config)
         super().__init__(config, compiled=compiled)
 
     @classmethod
@@ -211,8 +237,10 @@ def _fitting(path: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if isinstance(error, ValueError) and "\n" not in str(error):
-            raise  # says itself what is wrong
+        if isinstance(error, ValueError) and "\n" not in str(error):  # says itself what is wrong
+            if str(path) in str(error):
+                raise
+            raise ValueError(f"{path} cannot be used: {error}") from error
         reason = f"{type(error).__name__}: {error}".splitlines()[0]
         raise ValueError(
             f"{path} is of another version of dntorch ({reason}): use that version, or begin a "

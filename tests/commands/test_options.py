@@ -156,7 +156,7 @@ def test_bad_values_are_one_line_and_leave_nothing(
     command: str, arguments: list[str], words: list[str], tmp_path, monkeypatch, capsys
 ) -> None:
     out = tmp_path / "out"
-    error = fails(monkeypatch, capsys, command, *arguments, "--out", out)
+    error = fails(monkeypatch, capsys, command, "--world", "ring", *arguments, "--out", out)
     assert all(word in error for word in words), error
     assert not out.exists()
 

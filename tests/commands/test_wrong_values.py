@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
+from needs import needs
 
 from dntorch.commands import common, dntorch
 from dntorch.commands.kinds import Number, Parsed, Place
@@ -38,6 +39,9 @@ WRONG = {
     "--colors": ["RX", "R", "RR", "", "R" * 1000],
     "--sequence": ["GX", "G", "GG", "", "GB" * 1000],
 }  # fmt: skip
+
+#: Options whose values are tried with a package that is not there on every Python.
+PACKAGES = {"--ray": ["ray"]}
 
 REMEDY = re.compile(r"[:;,] (give|choose|name|put|use|run|wait|make) |is not one of|, or name ")
 
@@ -76,8 +80,11 @@ def cases() -> list:
     for path, command in commands():
         for param in command.params:
             if not getattr(param, "is_flag", False):
+                name, marks = param.opts[0], needs(*PACKAGES.get(param.opts[0], []))
                 found += [
-                    pytest.param(path, param, value, id=f"{path} {param.opts[0]} {value[:20]!r}")
+                    pytest.param(
+                        path, param, value, id=f"{path} {name} {value[:20]!r}", marks=marks
+                    )
                     for value in wrong_values(param)
                 ]
     return found

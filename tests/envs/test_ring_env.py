@@ -17,6 +17,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from dntorch.body import Body  # noqa: E402
 from dntorch.envs import Light, Ring, RingEnv, RingWorld, SequenceTask  # noqa: E402
+from dntorch.envs.adaptor import GymWorld  # noqa: E402
 
 
 def wander(env, steps, seed=0):
@@ -239,3 +240,61 @@ def test_torchrl_env_of_a_batch():
     env.reset(rollout[:, -1].clone().set("_reset", mask))
     assert not env.state.wheels[0].any() and torch.equal(env.state.wheels[1:], wheels[1:])
     assert expected.shape == (3, 3)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda s: s.pop("drive"),
+        lambda s: s.update(drive="x"),
+        lambda s: s.update(layout=s["layout"][:3]),
+        lambda s: s.update(steps="x"),
+        lambda s: s.update(task=()),
+        lambda s: s.update(random={}),
+    ],
+)
+def test_a_damaged_snapshot_leaves_the_env_as_it_was(damage):
+    env, world = (RingEnv(senses=("wheels",)) for _ in range(2))
+    for each in (env, world):
+        each.reset(seed=3)
+        each.step(np.array([0.5, -0.5]))
+    snapshot = env.state_dict()
+    env.step(np.array([1.0, 0.0])), world.step(np.array([1.0, 0.0]))
+    damage(snapshot)
+    with pytest.raises(ValueError, match=r"the snapshot is damaged .*: give another"):
+        env.load_state_dict(snapshot)
+    for _ in range(3):
+        left, right = (each.step(np.array([0.3, 0.1])) for each in (env, world))
+        np.testing.assert_array_equal(left[0]["wheels"], right[0]["wheels"])
+        assert left[1:] == right[1:]
+    with pytest.raises(ValueError, match="is no snapshot: give"):
+        env.load_state_dict({})
+
+
+@pytest.mark.parametrize("action", ["x", ["a", "b"], None, [1j, 0]])
+def test_an_action_that_is_no_numbers_is_named(action):
+    env = RingEnv(senses=("wheels",))
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"action=.*: give two finite wheel speeds"):
+        env.step(action)
+
+
+def test_an_env_that_is_no_world_is_refused():
+    with pytest.raises(ValueError, match=r"env='x' is no env: give Env"):
+        GymWorld("x")
+    with pytest.raises(ValueError, match=r"task=None is no task: give SequenceTask"):
+        GymWorld(gymnasium.Env())
+
+
+def test_a_world_that_was_not_restored_takes_no_step():
+    world = GymWorld(RingEnv(senses=("wheels",)))
+    state = world.initial()
+    snapshot = world.snapshot(state)
+    with pytest.raises(ValueError, match="of another world"):
+        world.restore({}, state)
+    world.step(torch.zeros(2), state)
+    snapshot["env"] = {}
+    with pytest.raises(ValueError, match="is no snapshot"):
+        world.restore(snapshot, state)
+    with pytest.raises(RuntimeError, match="restore a snapshot"):
+        world.step(torch.zeros(2), state)

@@ -15,7 +15,7 @@ import onnxruntime
 import pytest
 import torch
 
-from dntorch.envs import EPuckEnv, HardwareEnv
+from dntorch.envs import HardwareEnv, RingEnv
 from dntorch.export import replay
 from dntorch.noise import Exploration
 from dntorch.robot.calibration import Calibration
@@ -57,7 +57,7 @@ runner, epuck = load_example(RUNNER), load_example(EXAMPLES / "epuck.py")
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory) -> Path:
     """A run with the values of one that learned the sequence G-B-Y-R-G."""
-    trial = Trial(Config(steps=100, explore=0, seed=1))
+    trial = Trial(Config(world="ring", steps=100, explore=0, seed=1))
     trial.agent.weights.copy_(torch.tensor(LEARNED).t())
     folder = tmp_path_factory.mktemp("run")
     trial.save(folder / "checkpoint.pt")
@@ -389,7 +389,7 @@ class Simulated:
     """The e-puck of the simulated world, behind the runner's interface."""
 
     def __init__(self, **options) -> None:
-        self.env = EPuckEnv(**options)
+        self.env = RingEnv(**options)
         self.observation = self.env.reset(seed=1)[0]
         self.found, self.rewarded, self.now = [], 0, 0.0
 
@@ -434,7 +434,7 @@ def test_the_runner_completes_the_sequence_twice_on_an_emulated_robot_over_tcp(e
         pressed, true["new"] = true["new"], False
         return pressed
 
-    world, clock, server = EPuckEnv(body=WIFI_BODY), VirtualClock(), TcpServer()
+    world, clock, server = RingEnv(body=WIFI_BODY), VirtualClock(), TcpServer()
     world.reset(seed=1)
     with Emulator(world, server, WifiFirmware("request"), clock, on_step=see) as emulator:
         driver = Driver(Tcp(server.host, server.port, wait=0.0005), Wifi(), clock)

@@ -38,7 +38,7 @@ def program() -> Path:
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("run")
-    trial = Trial(Config(steps=100, explore=0, seed=1))
+    trial = Trial(Config(world="ring", steps=100, explore=0, seed=1))
     trial.save(folder / "checkpoint.pt")
     trial.close()
     return export_run(folder, folder / "export", ["torchscript"])

@@ -48,7 +48,7 @@ CALLED = "dt"
 
 
 def numbers_of(build):
-    return [name for name in type(build())._numeric() if name != CALLED]
+    return [name for name in type(build()).numeric() if name != CALLED]
 
 
 EVERY_NUMBER = [(s, name) for s, build in STRUCTURES.items() for name in numbers_of(build)]
@@ -105,7 +105,8 @@ def test_what_is_no_finite_number_is_refused_and_changes_nothing(structure, name
     ("structure", "name", "wrong"),
     [
         ("DNF", "tau", -1), ("DNF", "tau", 1 / 64), ("DNF", "h", 2), ("NodeWTA", "tau", 0),
-        ("NodeWTA", "h", 5.0), ("NodeWTA", "floor", -4), ("TPCell", "tau", 0.01), ("ItemOrderWM", "excitation", -1),
+        ("NodeWTA", "h", 5.0), ("NodeWTA", "floor", -4), ("TPCell", "tau", 0.01),
+        ("ItemOrderWM", "excitation", -1),
         ("ItemOrderWM", "excitation", 40), ("ItemOrderWM", "threshold", -0.1),
         ("ValueOpposition", "discount", 1.5), ("ValueOpposition", "pulse_threshold", 0),
         ("HebbianQ", "learning_rate", 0), ("ValueNodes", "baseline", 0),

@@ -1,5 +1,6 @@
 """Programs whose standard streams were closed before the start, as services and cron jobs are."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -57,3 +58,15 @@ def test_an_error_goes_to_standard_error_or_nowhere(closed: str) -> None:
     done = run(closed, "-m", "dntorch.cli", "learn", "--steps", "few")
     assert done.returncode == 2 and done.stdout == ""
     assert ("few" in done.stderr) is ("2>&-" not in closed)
+
+
+def test_ctrl_c_while_the_program_is_imported_is_no_traceback(tmp_path: Path) -> None:
+    (tmp_path / "click.py").write_text("raise KeyboardInterrupt\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "dntorch", "--version"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stderr) == (130, "")

@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 import torch
+from needs import EPUCK, needs
 from robot_worlds import Setup
 from tensordict import TensorDict
 from torch import Tensor
 
 from dntorch import DNSarsa, FindColor, Repertoire, Sensorimotor
 from dntorch.cells.working_memory import WorkingMemoryState
-from dntorch.envs import EPuckEnv, HardwareEnv, sensors
+from dntorch.envs import EPuckEnv, HardwareEnv, RingEnv, sensors
 from dntorch.envs.adaptor import tensors
 from dntorch.modules.sensorimotor import Direct
 from dntorch.rl import AgentPolicy
@@ -69,6 +70,7 @@ def forbid(monkeypatch, *names: str) -> None:
 # ------------------------------------------------------------------ worlds
 
 
+@needs("pybullet")
 @pytest.mark.parametrize("senses, idle", [
     (("image",), ["proximity"]), (("proximity", "wheels"), ["image"]),
     ((), ["image", "proximity"]),
@@ -81,6 +83,7 @@ def test_what_nobody_reads_is_not_computed(senses, idle, monkeypatch) -> None:
     env.close()
 
 
+@needs("pybullet")
 def test_a_sense_is_the_same_with_and_without_the_others() -> None:
     whole, part = EPuckEnv(pivot="kinematic"), EPuckEnv(pivot="kinematic", senses=("proximity",))
     assert np.array_equal(whole.reset(seed=0)[0]["proximity"], part.reset(seed=0)[0]["proximity"])
@@ -95,7 +98,7 @@ def test_a_sense_is_the_same_with_and_without_the_others() -> None:
 @pytest.mark.parametrize("senses", ["image", ("image", "radar")])
 def test_an_unknown_sense_is_one_sentence(senses) -> None:
     with pytest.raises(ValueError, match=r"is unknown, give a tuple out of \('image', 'wheels'"):
-        EPuckEnv(senses=senses)
+        RingEnv(senses=senses)
     setup = Setup()
     with pytest.raises(ValueError, match=r"is unknown, give a tuple out of \('image', 'wheels'"):
         HardwareEnv(setup.driver, setup.clock, senses=senses)
@@ -108,6 +111,7 @@ def test_a_robot_shows_the_senses_that_are_read() -> None:
     env.close()
 
 
+@needs("pybullet")
 def test_a_run_shows_its_agent_what_the_agent_reads(monkeypatch) -> None:
     forbid(monkeypatch, "proximity")
     trial = Trial(Config(steps=2, explore=0))
@@ -151,7 +155,7 @@ def test_a_body_of_two_kinds_is_limited_once() -> None:
 
 def test_an_agent_with_two_senses_lives_in_the_world() -> None:
     agent, none = mixed(), torch.zeros(6)
-    env = EPuckEnv(senses=agent.senses)
+    env = RingEnv(senses=agent.senses)
     (seen, _), reward, fastest = env.reset(seed=0), 0.0, 0.0
     with torch.no_grad():
         for _ in range(120):
@@ -170,11 +174,12 @@ def test_an_agent_with_two_senses_lives_in_the_world() -> None:
 
 
 @pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tensordict"])
-def test_two_senses_through_torchrl_equal_the_plain_loop(carried: bool) -> None:
+@pytest.mark.parametrize("world", ["ring", EPUCK])
+def test_two_senses_through_torchrl_equal_the_plain_loop(world: str, carried: bool) -> None:
     agent, alone = mixed(), mixed()
     policy = AgentPolicy(agent, carried=carried)
     assert policy.in_keys[:4] == ["image", "proximity", "last_reward", "is_init"]
-    config = Config(seed=3)
+    config = Config(world=world, seed=3)
     env = collected(config, policy.primer() if carried else None, senses=agent.senses)
     batch = env.rollout(60, policy)
     assert {"image", "proximity"} <= set(batch.keys()) and "wheels" not in batch.keys()
@@ -194,7 +199,7 @@ def test_two_senses_through_torchrl_equal_the_plain_loop(carried: bool) -> None:
 
 def test_a_key_that_is_missing_is_named_with_a_remedy() -> None:
     policy = AgentPolicy(mixed())
-    env = collected(Config())
+    env = collected(Config(world="ring"))
     with pytest.raises(KeyError, match=r"lacks 'proximity': .*senses=agent.senses"):
         policy(env.reset())
     env.close()

@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from needs import EPUCK, needs
 from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import (
     EnvBase,
@@ -31,7 +32,7 @@ from dntorch.runs.config import Config
 from dntorch.runs.run import Trial
 
 FORMS = pytest.mark.parametrize("carried", [False, True], ids=["buffers", "tensordict"])
-WORLD = pytest.mark.parametrize("world", ["nodes", "epuck"])
+WORLD = pytest.mark.parametrize("world", ["nodes", EPUCK])
 
 
 def collector(env: EnvBase, policy: AgentPolicy, frames: int, total: int = -1, **others):
@@ -90,6 +91,7 @@ def test_specs(world: str, carried: bool) -> None:
     check_env_specs(env)
 
 
+@needs("pybullet")
 def test_what_the_world_of_a_run_does_not_have_is_refused() -> None:
     with pytest.raises(ValueError, match=r"agents=2: world='epuck' is for one agent"):
         collected(Config(), agents=2)

@@ -9,7 +9,7 @@ from torchrl.envs import check_env_specs
 
 from dntorch import DNSarsa, FindColor
 from dntorch.body import Body
-from dntorch.envs import EPuckEnv, HardwareEnv, SequenceTask
+from dntorch.envs import HardwareEnv, RingEnv, SequenceTask
 from dntorch.rl import AgentPolicy, wrap
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.emulated.emulator import WIFI_BODY
@@ -19,7 +19,7 @@ class Emulated:
     """An e-puck in virtual time, its env, and what truly happens to it."""
 
     def __init__(self, colors: str = "GB", body: Body = WIFI_BODY) -> None:
-        self.world = EPuckEnv(SequenceTask("GB", colors), pivot="kinematic", body=body)
+        self.world = RingEnv(SequenceTask("GB", colors), body=body)
         self.world.reset(seed=1)
         self.found: list[int] = []
         self.setup = Setup(pacing="request", world=self.world, on_step=self.see)

@@ -119,11 +119,11 @@ def test_a_look_around_calibrates_colours():
 @pytest.fixture(scope="module")
 def turning():
     """What an emulated e-puck sees while it turns once: images, yaw and wheels."""
-    pytest.importorskip("pybullet")
+    pytest.importorskip("gymnasium")
     from dntorch.body import Body
-    from dntorch.envs import EPuckEnv
+    from dntorch.envs import RingEnv
 
-    env = EPuckEnv(pivot="kinematic", body=Body(axle=0.0568, fov=0.656))
+    env = RingEnv(body=Body(axle=0.0568, fov=0.656))
     observation, _ = env.reset(seed=2)
     seen = [(observation["image"], 0.0, 0.0)]
     for _ in range(420):

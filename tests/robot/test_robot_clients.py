@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from waiting import wait
 
-pytest.importorskip("pybullet")
+pytest.importorskip("gymnasium")
 
-from dntorch.envs import EPuckEnv
+from dntorch.envs import RingEnv
 from dntorch.robot.emulated.emulator import WIFI_BODY, Emulator
 from dntorch.robot.emulated.firmware import WifiFirmware
 from dntorch.robot.emulated.servers import TcpServer
@@ -21,7 +21,7 @@ CLIENT = Path(__file__).with_name("third_party_client.py")
 
 @pytest.fixture(params=["firmware", "webots"])
 def emulator(request):
-    world = EPuckEnv(pivot="kinematic", body=WIFI_BODY)
+    world = RingEnv(body=WIFI_BODY)
     world.reset(seed=0)
     server = TcpServer()
     with Emulator(world, server, WifiFirmware(request.param)) as emulator:

@@ -7,10 +7,9 @@ import pytest
 from robot_worlds import STEPS, Setup, number
 
 gymnasium = pytest.importorskip("gymnasium")
-pytest.importorskip("pybullet")
 
 from dntorch.body import Body  # noqa: E402
-from dntorch.envs import EPuckEnv  # noqa: E402
+from dntorch.envs import RingEnv  # noqa: E402
 from dntorch.envs.hardware import HardwareEnv  # noqa: E402
 from dntorch.envs.task import SequenceTask  # noqa: E402
 from dntorch.robot.calibration import Calibration  # noqa: E402
@@ -35,7 +34,7 @@ def hours(env, steps, speeds=(0.6, -0.6)):
 
 def test_spaces_are_those_of_the_simulated_env():
     setup = Setup(pacing="request")
-    env, simulated = env_on(setup), EPuckEnv(pivot="kinematic")
+    env, simulated = env_on(setup), RingEnv()
     assert env.observation_space == simulated.observation_space
     assert env.action_space == simulated.action_space
     simulated.close()
@@ -122,7 +121,7 @@ def test_a_narrow_camera_shows_things_as_large_as_the_agents_own_would():
     wide, narrow = Body(width=160, height=120), Body(width=160, height=120, fov=0.44)
     images = []
     for body in (wide, narrow):
-        world = EPuckEnv(pivot="kinematic", body=body)
+        world = RingEnv(body=body)
         world.reset(seed=3)
         env = env_on(Setup(pacing="request", world=world), calibration=Calibration(fov=body.fov))
         images.append(env.reset()[0]["image"].astype(int))
@@ -269,7 +268,7 @@ def seek(env, steps, bearing, log):
         log.append((bearing(), rate))
 
 
-class Quantised(EPuckEnv):
+class Quantised(RingEnv):
     """The simulated env as a robot sees and moves: RGB565 at 160x120, whole steps a second."""
 
     def observe(self):
@@ -288,10 +287,10 @@ class Quantised(EPuckEnv):
 
 def test_simulated_and_emulated_robot_do_the_same():
     body, logs = Body(width=160, height=120), ([], [])
-    simulated = Quantised(pivot="kinematic", body=body)
+    simulated = Quantised(body=body)
     seek(simulated, 240, lambda: simulated.pose.yaw, logs[0])
     simulated.close()
-    world = EPuckEnv(pivot="kinematic", body=body)
+    world = RingEnv(body=body)
     world.reset(seed=3)
     setup = Setup(pacing="request", world=world)
     env = env_on(setup, limits=Limits(slew=math.inf))

@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from click.testing import CliRunner
 from waiting import wait
 
 from dntorch import files
+from dntorch.commands import dntorch
 from dntorch.process import postponed
 from dntorch.runs import sweep, train
 from dntorch.runs.config import Config
@@ -39,6 +41,12 @@ def run(*arguments: object, **options) -> subprocess.CompletedProcess:
     return subprocess.run(
         command(*arguments), capture_output=True, text=True, timeout=WAIT, **options
     )
+
+
+def here(*arguments: object) -> None:
+    """Run a command in this process, which has imported PyTorch already."""
+    done = CliRunner().invoke(dntorch, list(map(str, arguments)))
+    assert done.exit_code == 0, (done.output, done.exception)
 
 
 def until(condition, process: subprocess.Popen | None = None) -> None:
@@ -210,8 +218,7 @@ def test_a_disk_that_is_full_is_one_line_and_the_run_goes_on_later(tmp_path: Pat
     assert f"{out / 'checkpoint.pt'} cannot be written (File too large)" in one_line(done)
     step = Trial.load(out / "checkpoint.pt").step
     assert step < 900 and not list(out.glob(".*"))
-    done = run("learn", "--resume", out, *quiet[1:])
-    assert done.returncode == 0, done.stderr
+    here("learn", "--resume", out, *quiet[1:])
     whole = Trial(Trial.load(out / "checkpoint.pt").config)
     whole.advance(900)
     assert torch.equal(whole.agent.weights, load_trained(out / "checkpoint.pt")[0].weights)
@@ -220,11 +227,11 @@ def test_a_disk_that_is_full_is_one_line_and_the_run_goes_on_later(tmp_path: Pat
 def test_a_finished_run_that_is_resumed_keeps_its_results(tmp_path: Path) -> None:
     out = tmp_path / "run"
     options = ["--world", "nodes", "--steps", 300, "--explore", 200]
-    assert run("learn", *options, "--out", out).returncode == 0
+    here("learn", *options, "--out", out)
     before = json.loads((out / "results.json").read_text())
     assert before["duration_seconds"] > 0 and before["steps_per_second"] > 0
     for _ in range(2):
-        assert run("learn", "--resume", out).returncode == 0
+        here("learn", "--resume", out)
         assert json.loads((out / "results.json").read_text()) == before
 
 
@@ -265,11 +272,18 @@ def test_damaged_events_are_named(tmp_path: Path) -> None:
 
 WRONG = {
     "step": lambda c: c.update(step="three"),
+    "step before the first": lambda c: c.update(step=-1),
+    "step beyond the last": lambda c: c.update(step=10**9),
+    "step in parts": lambda c: c.update(step=2.5),
     "no step": lambda c: c.pop("step"),
     "seen": lambda c: c.update(seen=[{}, 3]),
+    "seen of one": lambda c: c.update(seen=[]),
+    "rows of memory": lambda c: c["memory"].update(reward=c["memory"]["reward"][:-1]),
+    "numbers of memory": lambda c: c["memory"].update(found=c["memory"]["found"] * 1.0),
     "memory": lambda c: c.update(memory={"length": 3}),
     "memory of another kind": lambda c: c.update(memory=None),
     "world": lambda c: c.update(world={}),
+    "world of a batch": lambda c: c.update(world=[torch.zeros(7) for _ in c["world"]]),
     "agent": lambda c: c.update(agent=[]),
     "config": lambda c: c.update(config={"planet": "mars"}),
     "config of another kind": lambda c: c.update(config=3),
@@ -278,13 +292,16 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_checkpoint_with_other_content_is_one_sentence(name: str, tmp_path: Path) -> None:
-    content = Trial(SHORT).content()
+    trial = Trial(SHORT)
+    trial.advance(3)
+    content = trial.content()
     WRONG[name](content)
     files.save(tmp_path / "c.pt", content)
     with pytest.raises(ValueError) as raised:
         Trial.load(tmp_path / "c.pt")
     assert "\n" not in str(raised.value)
-    words = ("of another version of dntorch", "build the structure")
+    words = ("of another version of dntorch", "build the structure", "it was taken of")
+    assert str(tmp_path / "c.pt") in str(raised.value)
     assert any(text in str(raised.value) for text in words), raised.value
 
 

@@ -211,7 +211,7 @@ def test_a_film_without_a_pace_is_refused(fps, tmp_path):
 
 def test_a_film_that_cannot_be_written_is_an_error(tmp_path):
     video = pytest.importorskip("dntorch.show.film")
-    config = Config(steps=100, explore=0)
+    config = Config(world="ring", steps=100, explore=0)
     with pytest.raises(RuntimeError, match=r"cannot write .*nowhere"):
         video.write_video(build_agent(config), config, tmp_path / "nowhere" / "v.webm")
 
