@@ -1,24 +1,14 @@
 """Each sentence of the paper beside our number, its interval and a verdict."""
 
-from typing import Any, NamedTuple
-
 from dntorch.paper.predictions import predictions
 from dntorch.paper.statistics import ALPHA, summary, wilson
 from dntorch.paper.study import Study
+from dntorch.paper.verdict import UNTESTABLE, Claim, share, verdict
 
-YES, NO, UNTESTABLE = "reproduced", "not reproduced", "not testable"
-
-
-class Claim(NamedTuple):
-    """One sentence and what became of it."""
-
-    sentence: str
-    form: str
-    """what is measured, and the margin set before the runs"""
-    number: str
-    verdict: str
-
-
+UNLEARNING = (
+    "Learning in the exploitation phase consists primarily of unlearning incorrect 'shortcuts' "
+    "inherited from the exploration phase"
+)
 ELSEWHERE = Claim(
     "we transferred a set of weights learned from a successful run of simulation to a real E-puck",
     "no robot is at hand",
@@ -38,17 +28,6 @@ def claims(study: Study) -> list[Claim]:
         *_law(r, p),
         ELSEWHERE,
     ]
-
-
-def verdict(holds: bool, decidable: bool = True) -> str:
-    return (YES if holds else NO) if decidable else UNTESTABLE
-
-
-def share(entry: dict[str, Any], key: str) -> str:
-    """``k of n = p [low, high]``"""
-    k, n = entry[key]
-    low, high = wilson(k, n)
-    return f"{k} of {n} = {k / n:.3f} [{low:.3f}, {high:.3f}]" if n else "no run"
 
 
 def _exploration(r: dict, p: dict, study: Study) -> list[Claim]:
@@ -114,8 +93,7 @@ def _learning(r: dict, p: dict) -> list[Claim]:
             UNTESTABLE,
         ),
         Claim(
-            "Learning in the exploitation phase consists primarily of unlearning incorrect "
-            "'shortcuts' inherited from the exploration phase",
+            UNLEARNING,
             "of the runs that became optimal only then, those in which all shortcuts taken since "
             "had lost value; the longest choice by choice below",
             share(r["shortcuts"], "unlearned"),
@@ -138,6 +116,7 @@ def _fast(r: dict, p: dict) -> list[Claim]:
     if fast is None:
         return []
     late, found = fast["neural"]["optimal_only_in_exploitation"]
+    unlearned, number = fast["shortcuts"]["unlearned"]
     optimal, _ = fast["neural"]["optimal_given_found"]
     low, wanted = wilson(late, found)[0], limits["late_lower_bound_at_least"]
     test, rate = fast["from_find_to_optimal"], f"at a learning rate of {fast['learning_rate']}/s"
@@ -149,6 +128,13 @@ def _fast(r: dict, p: dict) -> list[Claim]:
             f"lower bound of at least {wanted}",
             share(fast["neural"], "optimal_only_in_exploitation"),
             verdict(low >= wanted, found > 0),
+        ),
+        Claim(
+            UNLEARNING,
+            f"{rate}: of the runs that became optimal only then, those in which all shortcuts "
+            "taken since had lost value",
+            share(fast["shortcuts"], "unlearned"),
+            verdict(unlearned > number / 2, number > 0),
         ),
         Claim(
             p["optimal_given_found"]["paper"],

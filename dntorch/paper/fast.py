@@ -13,6 +13,7 @@ from dntorch.paper.comparison import discrete_success, reference, theory_of
 from dntorch.paper.law import transition_counts
 from dntorch.paper.predictions import predictions
 from dntorch.paper.runs import Runs
+from dntorch.paper.study import shortcuts
 from dntorch.paper.success import Success, describe, neural_success
 from dntorch.runs.config import Config
 
@@ -42,5 +43,6 @@ def measure_fast(runs: Runs, config: Config) -> dict[str, Any]:
         "learning_rate": RATE,
         "neural": describe(result),
         "sarsa_matched": describe(other),
+        "shortcuts": shortcuts(config, runs, result, explored),
         "from_find_to_optimal": st.equivalent_means(between(result), between(other), margin),
     }

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from dntorch.paper.claims import NO, UNTESTABLE, YES, claims
+from dntorch.paper.claims import claims
 from dntorch.paper.study import Study
+from dntorch.paper.verdict import NO, UNTESTABLE, YES
 
 
 def write_page(study: Study, figures: list[str], folder: Path, command: str) -> Path:

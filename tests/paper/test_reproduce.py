@@ -19,7 +19,7 @@ from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import SequenceTask
 from dntorch.files import plain
 from dntorch.noise import Exploration
-from dntorch.paper.claims import NO, UNTESTABLE, YES, claims
+from dntorch.paper.claims import claims
 from dntorch.paper.figures import draw
 from dntorch.paper.page import write_page
 from dntorch.paper.populations import Population
