@@ -25,6 +25,7 @@ from dntorch.paper.page import write_page
 from dntorch.paper.populations import Population
 from dntorch.paper.reproduce import reproduce
 from dntorch.paper.variants import VARIANTS
+from dntorch.paper.verdict import NO, UNTESTABLE, YES
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
 from dntorch.runs.group import Group
