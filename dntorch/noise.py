@@ -80,7 +80,7 @@ class Exploration:
             ``(*batch,)`` for one per agent.
 
     Raises:
-        ValueError: a seed out of range, an amplitude that is not positive and finite.
+        ValueError: a seed or a number of an agent out of range, an amplitude that is not positive and finite.
     """
 
     STREAM = 1
@@ -99,6 +99,8 @@ class Exploration:
     def __setattr__(self, name: str, value: object) -> None:
         if name == "agents":
             value = torch.as_tensor(list(value) if isinstance(value, range) else value).clone()
+            if value.is_floating_point() or not bool(((value >= 0) & (value <= MASK)).all()):
+                raise ValueError(f"agents={value.tolist()}: give whole numbers from 0 to {MASK}")
         super().__setattr__(name, value)
         if name != "_drawn":
             self._drawn = None  # what was drawn was for other settings

@@ -156,6 +156,9 @@ def test_exploration_lies_between_zero_and_its_amplitude():
     [
         ({"seed": -1}, "seed=-1: give a whole number from 0"),
         ({"seed": 2**32}, "seed=4294967296: give a whole number from 0"),
+        ({"agents": [0, -1]}, r"agents=\[0, -1\]: give whole numbers from 0"),
+        ({"agents": 2**40}, "agents=1099511627776: give whole numbers from 0"),
+        ({"agents": [0.5]}, r"agents=\[0.5\]: give whole numbers from 0"),
         ({"amplitude": 0.0}, "amplitude=0.0 must be positive: for none, pass zeros"),
     ],
 )
