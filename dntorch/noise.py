@@ -80,7 +80,8 @@ class Exploration:
             ``(*batch,)`` for one per agent.
 
     Raises:
-        ValueError: a seed or a number of an agent out of range, an amplitude that is not positive and finite.
+        ValueError: a seed or a number of an agent out of range, an amplitude that is not positive
+            and finite.
     """
 
     STREAM = 1
