@@ -12,6 +12,7 @@ import torch
 from torch.utils import _pytree as pytree
 
 from dntorch.process import can_compile
+from dntorch.runs.compiling import Compiled
 from dntorch.runs.config import Config
 from dntorch.runs.group import Group
 from dntorch.runs.run import Run, Trial
@@ -198,3 +199,15 @@ def test_a_cache_that_cannot_be_written_to_leaves_no_half_of_the_compiler() -> N
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
     assert done.stdout == "9 False\n", done.stderr
     assert "could not be compiled" in done.stderr
+
+
+@pytest.mark.skipif(not can_compile(), reason="needs a C++ compiler")
+def test_a_process_may_compile_more_engines_than_the_compiler_keeps_entries() -> None:
+    with torch._dynamo.config.patch(recompile_limit=1):
+        for size in (1, 2):
+            one = torch.ones(size)
+
+            def twice(x: torch.Tensor, y: torch.Tensor = one) -> torch.Tensor:
+                return x + y
+
+            assert torch.equal(Compiled(twice)(one), 2 * one)
