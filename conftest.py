@@ -30,7 +30,7 @@ MAY_SKIP = {
     "tests/envs/test_ring.py": "one test needs a GPU",
     "tests/modules/test_compiled.py": "needs a C++ compiler",
     "tests/modules/test_dnfc_data.py": "third-party field runs, not part of this repository",
-    "tests/export/test_export_cpp.py": "needs a C++ compiler",
+    "tests/export/test_export_cpp.py": "needs a C++ compiler; with CUDA, its toolkit",
     "tests/export/test_export_executorch.py": "needs dntorch[executorch], which nothing else does",
 }
 

@@ -15,6 +15,7 @@ from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
 
 
+@needs("pybullet")
 def test_many_seeds_ends_when_no_seed_is_left(tmp_path: Path) -> None:
     printed = run(
         "evidence/many_seeds.py", "--steps", 60, "--explore", 40, "--most", 1, "--processes", 1,

@@ -31,6 +31,8 @@ def program() -> Path:
         fcntl.flock(lock, fcntl.LOCK_EX)  # two runs of the tests build one after the other
         for command in (["-S", ROOT / "examples" / "cpp", "-B", build, prefix], ["--build", build]):
             done = subprocess.run(["cmake", *command], capture_output=True, text=True)
+            if torch.version.cuda and "PyTorch: CUDA cannot be found" in done.stderr:
+                pytest.skip("a wheel of PyTorch with CUDA is linked with the CUDA toolkit")
             assert done.returncode == 0, done.stdout + done.stderr
     return build / "run_agent"
 
