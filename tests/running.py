@@ -13,7 +13,7 @@ def run(name: str, *arguments: object, **environment: str) -> str:
         [sys.executable, RECIPES / name, *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=400,
+        timeout=900,
         env=os.environ | {"OMP_NUM_THREADS": "1"} | environment,
     )
     assert done.returncode == 0, done.stderr[-3000:]
