@@ -54,6 +54,15 @@ def test_studies_print_a_line_a_point(name: str, lines: int, options: str, tmp_p
     assert name == "evidence/controls.py" or written.with_suffix(".png").exists()
 
 
+def test_fairness_prints_a_line_a_size(tmp_path: Path) -> None:
+    budget = ["--sizes", "2", "4", "--steps", "400"]
+    printed = run("evidence/exploration.py", *budget, "--out", tmp_path, **PLAIN)
+    assert len(re.findall(r"^ +[24] behaviours: \d+", printed, re.MULTILINE)) == 2
+    rows = json.loads((tmp_path / "results.json").read_text())["rows"]
+    assert [row["n"] for row in rows] == [2, 4] and rows[0]["returns"] == 1
+    assert 0.2 < rows[1]["returns"] < 0.45  # of 512 agents, one or two choices each
+
+
 @pytest.fixture
 def trained(tmp_path: Path) -> Path:
     """A run that knows the sequence G-B-G."""

@@ -35,7 +35,7 @@ class Step(NamedTuple):
 
 def acting(agent: DNSarsa) -> Act:
     """An agent without exploration, as something that drives."""
-    none, report = torch.zeros_like(agent.weights), Onset(agent.n)
+    none, report = torch.zeros_like(agent.weights[..., 0]), Onset(agent.n)
 
     @torch.no_grad()
     def act(observation: dict[str, np.ndarray], reward: float) -> tuple[np.ndarray, int]:

@@ -104,7 +104,7 @@ def _play(
     )
     world = GymWorld(env)
     state = world.initial(seed=config.seed)
-    observation, reward, none = world.observe(state), torch.zeros(()), 0 * actor.weights
+    observation, reward, none = world.observe(state), torch.zeros(()), torch.zeros(actor.n)
     found, rewards, end, outside = 0, 0, max_steps, env.render()
     try:
         for step in range(max_steps):

@@ -20,7 +20,7 @@ from scipy.stats import chi2
 from dntorch import DNSarsa, Exploration
 from dntorch.envs.nodes import NodesWorld
 from dntorch.files import write_json
-from dntorch.process import can_compile, commit, settle
+from dntorch.process import commit, pays, settle
 from dntorch.runs.engine import Engine
 from dntorch.runs.events import Events
 
@@ -48,7 +48,7 @@ def explore(n: int, agents: int, steps: int, seed: int) -> dict[str, np.ndarray]
     memory = Events(agent, tuple(range(agents)), keep_weights=False)
     state = world.initial((agents,), seed, numbers)
     noise = Exploration(n, seed, numbers)
-    Engine(agent, world, noise, memory, state, can_compile()).advance(0, steps, True)
+    Engine(agent, world, noise, memory, state, pays(steps)).advance(0, steps, True)
     return memory.joined()
 
 
