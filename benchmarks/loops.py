@@ -17,28 +17,29 @@ def advance(nodes, pairs, error, match, reward, base, rates, drive):
     """One step of one agent in place; returns its error."""
     intention, satisfaction, value = nodes
     pulse, inhibitory, trace, opposition, weights = pairs
-    total = shares = opposed = np.float32(0)
+    total = opposed = np.float32(0)
+    best = LEAST
     for i in range(4):
         rates[0, i], rates[1, i] = sigmoid(intention[i]), sigmoid(satisfaction[i])
     sums = rates[0].sum(), rates[1].sum()
     wanted = np.zeros(4, np.float32)
     for i in range(4):
         for j in range(4):
-            wanted[i] += weights[i, j] * (i != j and rates[1, j] > 0.5)
+            wanted[i] += weights[i, j] * (rates[1, j] > 0.5)
             positive = pulse[i, j] if pulse[i, j] > 0.05 else np.float32(0)
             drive[i, j] = 1.1 * positive + 0.8 * trace[i, j]
             total += drive[i, j]
             opposed += opposition[i, j]
-        wanted[i] = max(max(wanted[i], 0) + base[i] * (rates[1, i] <= 0.5), LEAST)
-        shares += wanted[i]
+        wanted[i] = (max(wanted[i], 0) + base[i]) * (rates[1, i] <= 0.5)
+        best = max(best, wanted[i])
     signal = np.float32(0.06) * (reward + error)
     for i in range(4):
         fi, fc = rates[0, i], rates[1, i]
-        target = -5 + 10 * fi - 30 * (sums[0] - fi) + 20 * value[i] - 40 * fc
+        target = -5 + 10 * fi - 30 * (sums[0] - fi) + 10 * value[i] - 20 * fc
         percept = -5 + 8 * fc - 8 * (sums[1] - fc) + 15 * match[i] - 2 * (sums[0] - fi)
-        intention[i] += DT / 0.3 * (target - intention[i])
+        intention[i] = max(intention[i] + DT / 0.3 * (target - intention[i]), -12)
         satisfaction[i] += DT / 0.3 * (percept - satisfaction[i])
-        value[i] += DT / 0.1 * (wanted[i] / shares - value[i])
+        value[i] += DT / 0.1 * ((wanted[i] / best) ** 8 - value[i])
         for j in range(4):
             active = np.float32(i != j and fi * rates[1, j] > 0.5)
             p, u = pulse[i, j], trace[i, j]

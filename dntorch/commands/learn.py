@@ -32,7 +32,7 @@ ELSEWHERE = (
     "goes to --world ring, the same ring of blocks seen in torch"
 )
 
-#: A seed with which the default run finds the sequence while it explores.
+#: The smallest from 1 with which the default run finds the sequence while it explores.
 DEFAULT_SEED = 1
 
 
