@@ -3,7 +3,6 @@
 import time
 import warnings
 from collections.abc import Callable
-from types import FunctionType
 from typing import Any
 
 import torch
@@ -14,6 +13,10 @@ UNCOMPILED = (
     "the step could not be compiled ({}), so the run goes on slower: to compile, give a C++ "
     "compiler that works, and a TORCHINDUCTOR_CACHE_DIR to write to, without spaces in its name"
 )
+
+ENTRIES = {"recompile_limit": 10_000, "accumulated_recompile_limit": 10_000}
+"""Of the compiler, for one function: of eight, its default, a ninth engine of other sizes in a
+process would not run."""
 
 
 def overwrite(moment: Any, other: Any) -> None:
@@ -47,8 +50,9 @@ class Compiled:
         began = time.monotonic()
         try:
             if self.function is None:
-                self.function = torch.compile(apart(self.plain), fullgraph=True, dynamic=False)
-            result = self.function(*inputs)
+                self.function = torch.compile(self.plain, fullgraph=True, dynamic=False)
+            with torch._dynamo.config.patch(ENTRIES):
+                result = self.function(*inputs)
         except Exception as error:
             if not _is_of_the_machine(error):
                 raise
@@ -58,20 +62,6 @@ class Compiled:
         self.seconds = self.seconds or time.monotonic() - began
         self.sure = True
         return result
-
-
-def apart(function: Callable) -> Callable:
-    """The same with a code object of its own.
-
-    The compiler keeps eight entries per code object: without this a ninth engine in a process,
-    with other sizes than those before it, would not run.
-    """
-
-    def call(*inputs: Any) -> Any:
-        return function(*inputs)
-
-    code, closure = call.__code__.replace(), call.__closure__
-    return FunctionType(code, call.__globals__, call.__name__, None, closure)
 
 
 def _is_of_the_machine(error: Exception) -> bool:
