@@ -14,6 +14,7 @@ import pytest
 import torch
 from click.testing import CliRunner
 from needs import EPUCK
+from waiting import wait
 
 from dntorch import files
 from dntorch.cli import main
@@ -137,23 +138,12 @@ def test_a_run_killed_three_times_ends_as_the_uninterrupted_one(tmp_path: Path) 
 
 def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path: Path) -> None:
     out = tmp_path / "run"
+    options = ["--world", "nodes", "--no-compile", "--checkpoint-every", "200", "--out", out]
     with subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "dntorch.cli",
-            "learn",
-            "--world",
-            "nodes",
-            "--no-compile",
-            "--out",
-            out,
-        ],
-        stderr=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-m", "dntorch.cli", "learn", *options], stderr=subprocess.PIPE, text=True
     ) as process:
-        while b"behaviors=" not in os.read(process.stderr.fileno(), 4096):  # the run has begun
-            pass
+        assert wait((out / "checkpoint.pt").exists, 300)  # the run has begun
+        (out / "checkpoint.pt").unlink()  # another one is what the request to end has saved
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
