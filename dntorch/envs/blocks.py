@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.colors import HUES
@@ -21,10 +20,10 @@ from dntorch.envs.pose import Pose
 from dntorch.envs.referee import Referee
 from dntorch.envs.senses import SENSES
 from dntorch.envs.task import SequenceTask
-from dntorch.quantities import per_second
+from dntorch.envs.task_env import TaskEnv
 
 
-class BlocksEnv(gymnasium.Env):
+class BlocksEnv(TaskEnv):
     """Find colours in the rewarded order by turning on the spot.
 
     The robot stands amid a ring of blocks. Action: speeds of the left and the right wheel
@@ -90,10 +89,9 @@ class BlocksEnv(gymnasium.Env):
     ) -> None:
         task, ring = check_whole(task, ring, light, body, tolerance)
         check_episode(layout_seed, render_mode, max_seconds)
-        self.observation_space = sensors.observation_space(body, senses)
-        self.task, self.ring, self.body, self.light = task, ring, body, light
+        super().__init__(task, body, senses)
+        self.ring, self.light = ring, light
         self.layout_seed = layout_seed
-        self.metadata = {**self.metadata, "render_fps": per_second(task.dt)}
         self.render_mode, self.max_seconds = render_mode, max_seconds
         self._referee = Referee(Judge(tolerance, dwell, dwell_rate, task.dt), task)
         # A snapshot may go on in an env that is sensed, drawn or cut off differently.
@@ -104,18 +102,6 @@ class BlocksEnv(gymnasium.Env):
         self._paints = np.array([colorsys.hsv_to_rgb(HUES[c] / 360, 1, 1) for c in task.colors])
         self._steps: int | None = None
         self._closed = False
-        cap = body.speed_cap
-        self.action_space = spaces.Box(-cap, cap, (2,), np.float32)
-
-    @property
-    def colors(self) -> str:
-        """Letters of the repertoire."""
-        return self.task.colors
-
-    @property
-    def dt(self) -> float:
-        """s, one control step."""
-        return self.task.dt
 
     # ------------------------------------ image, proximity, view from outside: of a subclass
 

@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 import torch
-from gymnasium import spaces
 
 from dntorch.body import EPUCK, Body
 from dntorch.envs.senses import PROXIMITY_TABLE, SENSES
-from dntorch.envs.sensors import observation_space, two_speeds
+from dntorch.envs.sensors import two_speeds
 from dntorch.envs.task import NOTHING, SequenceTask
-from dntorch.quantities import check_kind, check_quantities, per_second
+from dntorch.envs.task_env import TaskEnv
+from dntorch.quantities import check_quantities
 from dntorch.robot.calibration import Calibration
 from dntorch.robot.clock import Clock, RealClock
 from dntorch.robot.contract import Frame, Robot
@@ -21,7 +21,7 @@ from dntorch.robot.images import resample
 from dntorch.robot.safety import Guard, Limits
 
 
-class HardwareEnv(gymnasium.Env):
+class HardwareEnv(TaskEnv):
     """Find colours with a robot that is really there, or emulated.
 
     Action and observation are those of ``EPuckEnv``: wheel speeds in rad/s; ``image``,
@@ -80,29 +80,13 @@ class HardwareEnv(gymnasium.Env):
         patience: float = 10.0,
     ) -> None:
         check_quantities(patience=patience)
-        task = SequenceTask() if task is None else task
-        check_kind("task", task, SequenceTask)
-        check_kind("body", body, Body)
-        self.task, self.body, self.patience = task, body, patience
-        self.metadata = {**self.metadata, "render_fps": per_second(self.dt)}
+        super().__init__(task, body, senses)
+        self.patience = patience
         self.clock, self.calibration = clock or RealClock(), calibration or Calibration()
         self.guard = Guard(robot, self.clock, limits or Limits(speed=body.speed_cap))
         self.key, self._found, self._pressed = key, NOTHING, 0
         self._frame: Frame | None = None
         self._connected, self._ready = False, False
-        cap = body.speed_cap
-        self.action_space = spaces.Box(-cap, cap, (2,), np.float32)
-        self.observation_space = observation_space(body, senses)
-
-    @property
-    def colors(self) -> str:
-        """Letters of the repertoire."""
-        return self.task.colors
-
-    @property
-    def dt(self) -> float:
-        """s, one control step."""
-        return self.task.dt
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Stop, wait for a frame, and begin the task anew. The robot stays where it is."""

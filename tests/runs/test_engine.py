@@ -66,16 +66,16 @@ def test_a_compiled_run_decides_as_the_eager_one_and_resumes_bit_by_bit(world, t
 @needs_compiler
 def test_running_freely_for_2000_steps_all_ways_decide_the_same() -> None:
     def onsets(**options) -> list[np.ndarray]:
-        run = Run(group("nodes", 128, 2000), events=True, **options)
+        run = Run(group("nodes", 256, 2000), events=True, **options)
         run.advance(2000)
         onset = run.memory.joined()["onset"]
-        return [onset[onset[:, 0] == k, 2] for k in range(128)]
+        return [onset[onset[:, 0] == k, 2] for k in range(256)]
 
     ways = [onsets(), onsets(compiled=True), onsets(dtype=torch.float64)]
     assert min(map(len, ways[0])) > 3
     for other in ways[1:]:
         same = [np.array_equal(a, b) for a, b in zip(ways[0], other)]
-        assert sum(same) >= 127, np.flatnonzero(np.logical_not(same))
+        assert sum(same) >= 255, np.flatnonzero(np.logical_not(same))
 
 
 @needs_compiler
