@@ -258,7 +258,7 @@ def test_slurm_jobs_are_the_same_runs(tmp_path: Path) -> None:
         (["--seeds", "a-b"], ["--seeds=a-b", "such as 0-9"]),
         (["--set", "color=1"], ["'color' cannot be set", "learning_rate"]),
         (["--set", "steps=many"], ["steps=many", "give a whole number", "100000"]),
-        (["--set", "steps=10"], ["explore=50000", "steps=10"]),
+        (["--set", "explore=50000", "--set", "steps=10"], ["explore=50000", "steps=10"]),
         pytest.param(["--batch", "4"], ["batch=4", "leave it out"], marks=needs("pybullet")),
         (["--world", "ring", "--seeds", "1,1"], ["seed1", "twice"]),
         (["--seeds", "0-99999", "--set", "noise=1,2,3"], ["300,000 runs", "give at most 100,000"]),
