@@ -55,3 +55,15 @@ def check_count(name: str, number: int, least: int = 1) -> None:
     if not isinstance(number, int) or isinstance(number, bool) or number < least:
         words = ("none", "one", "two")
         raise ValueError(f"{name}={number!r}: give at least {words[least]}, a whole number")
+
+
+def check_states(n: int, states: int | None) -> int:
+    """How many states ``n`` behaviours are paired with, by default as many; or raise."""
+    if states is None:
+        return n
+    check_count("states", states)
+    if states % n:
+        raise ValueError(
+            f"states={states} is no multiple of n={n}: give n, or the states of a Recall(n)"
+        )
+    return states

@@ -70,13 +70,24 @@ FORMS = {
         "halfway": "self.{0}.halfway(start.{0}, end.{0})",
     },
     "dict": {
-        "held": "self.{0}.flat(self.{0}.state)",
-        "write": "self.{0}.write(self.{0}.nested(state.{0}))",
-        "rest": "self.{0}.flat(self.{0}.initial(batch))",
+        "held": "held_{0}",
+        "write": "if self.{0} is not None: self.{0}.write(self.{0}.nested(state.{0}))",
+        "rest": "rest_{0}",
         "flat": "flat.update(beneath('{0}', state.{0}))",
         "nested": "within(flat, '{0}.')",
         "halfway": "halfway_each(start.{0}, end.{0})",
     },
+}
+#: What comes before, for an entry that is a ``dict``: its part may be None.
+AHEAD = {
+    "held": [
+        "held_{0}: dict[str, Tensor] = {{}}",
+        "if self.{0} is not None: held_{0} = self.{0}.flat(self.{0}.state)",
+    ],
+    "rest": [
+        "rest_{0}: dict[str, Tensor] = {{}}",
+        "if self.{0} is not None: rest_{0} = self.{0}.flat(self.{0}.initial(batch))",
+    ],
 }
 HEADS = {
     "state": "state(self) -> State",
@@ -122,7 +133,16 @@ def _bodies(kinds: dict[str, str], lasting: tuple[str, ...]) -> dict[str, list[s
         return [FORMS[kind][method].format(name) for name, kind in kinds.items()]
 
     def whole(method: str) -> list[str]:
-        return [f"return State({', '.join(each(method))})"]
+        return [*ahead(method), f"return State({', '.join(each(method))})"]
+
+    def ahead(method: str) -> list[str]:
+        """Of parts of any type, which may be missing: TorchScript has no conditional value."""
+        given = AHEAD.get(method)
+        names = [name for name, kind in kinds.items() if kind == "dict"] if given else []
+        return [line.format(name) for name in names for line in given]
+
+    def there(name: str) -> str:
+        return f"if self.{name} is not None: " if kinds[name] == "dict" else ""
 
     own = [name for name, kind in kinds.items() if kind == "tensor"]
     parts = [name for name in kinds if name not in own]
@@ -137,8 +157,8 @@ def _bodies(kinds: dict[str, str], lasting: tuple[str, ...]) -> dict[str, list[s
         "flat": ["flat: dict[str, Tensor] = {}", *each("flat"), "return flat"],
         "nested": whole("nested"),
         "halfway": whole("halfway"),
-        "reset": [*(f"self.{name}.reset()" for name in parts), *rest, *fading],
-        "forget": [f"self.{name}.forget()" for name in parts],
+        "reset": [*(f"{there(name)}self.{name}.reset()" for name in parts), *rest, *fading],
+        "forget": [f"{there(name)}self.{name}.forget()" for name in parts],
     } | ({} if own else {"initial": whole("rest")})
 
 

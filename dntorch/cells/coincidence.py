@@ -10,12 +10,13 @@ from dntorch.number import Number, either
 
 @either
 def coincidence(
-    intention: Tensor, satisfaction: Tensor, off_diagonal: Tensor, threshold: Number
+    intention: Tensor, context: Tensor, off_diagonal: Tensor, threshold: Number
 ) -> Tensor:
-    """Pairs ``[action, state]`` that are active, zeros and ones, ``(*batch, n, n)``.
+    """Pairs ``[action, state]`` that are active, zeros and ones, ``(*batch, n, states)``.
 
-    At steady state, without dynamics of their own. ``intention`` and ``satisfaction`` are
-    outputs (between 0 and 1) of the intention and CoS nodes, ``(*batch, n)``.
+    At steady state, without dynamics of their own. ``intention`` ``(*batch, n)`` and ``context``
+    ``(*batch, states)`` are firing rates (between 0 and 1): in the paper those of the intention
+    and of the CoS nodes. ``off_diagonal`` is 0 where action and state are one behaviour.
     """
-    product = intention.unsqueeze(-1) * satisfaction.unsqueeze(-2)
+    product = intention.unsqueeze(-1) * context.unsqueeze(-2)
     return (product > threshold) * off_diagonal

@@ -2,11 +2,13 @@
 
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 from dntorch.cells.node import NodeState
 from dntorch.checks import check_count, check_ends, check_positive
 from dntorch.dynamics import Dynamics, check_parts
+from dntorch.modules.dissatisfaction import Dissatisfaction
 from dntorch.modules.node import NodeWTA
 from dntorch.number import Number, plus, span, wide
 
@@ -14,6 +16,8 @@ from dntorch.number import Number, plus, span, wide
 class BehaviorState(NamedTuple):
     intention: NodeState
     satisfaction: NodeState
+    dissatisfaction: dict[str, Tensor]
+    """Of the part by name; empty without one."""
 
 
 class ElementaryBehaviors(Dynamics[BehaviorState]):
@@ -45,7 +49,14 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
 
     Shapes: ``value`` and ``match`` ``(*batch, n)``; output ``(intention, satisfaction)``, the
     firing rates after the step, ``(*batch, n)`` each.
-    State: ``BehaviorState(intention, satisfaction)``, both at their resting level.
+    State: ``BehaviorState(intention, satisfaction, dissatisfaction)``, at their resting levels.
+
+    Args:
+        n: number of behaviours.
+        intention, satisfaction: nodes with other parameters than the defaults.
+        dissatisfaction: condition-of-dissatisfaction (CoD) nodes, which end an intention that was
+            on too long as a CoS ends one that succeeded, with the same gain. None: it may wait for
+            ever.
 
     Raises:
         ValueError: ``n < 2``, gains that are not positive, nodes of another number or ``dt``.
@@ -74,6 +85,7 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         n: int,
         intention: NodeWTA | None = None,
         satisfaction: NodeWTA | None = None,
+        dissatisfaction: Dissatisfaction | None = None,
         value_gain: Number = 10.0,
         completion_gain: Number | None = None,
         intention_gain: Number = 2.0,
@@ -91,6 +103,7 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         inhibition = span(self.value_gain)[1] + 20  # two that are on end each other
         self.intention = intention or NodeWTA(n, inhibition=inhibition, floor=-12.0, dt=dt)
         self.satisfaction = satisfaction or NodeWTA(n, excitation=8.0, inhibition=8.0, dt=dt)
+        self.dissatisfaction = dissatisfaction
 
     def check(self) -> None:
         for name in ("value_gain", "completion_gain", "match_gain"):
@@ -103,6 +116,12 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
             self.intention.output(state.intention),
             self.satisfaction.output(state.satisfaction),
         )
+
+    def failing(self, state: BehaviorState) -> Tensor:
+        """Firing rates of the CoD nodes, ``(*batch, n)``; 0 without such nodes."""
+        if self.dissatisfaction is None:
+            return torch.zeros_like(state.intention.u)
+        return self.dissatisfaction.output(self.dissatisfaction.nested(state.dissatisfaction))
 
     def euler(self, value: Tensor, match: Tensor, state: BehaviorState) -> BehaviorState:
         return self.relax(value, match, self.output(state), state)
@@ -117,7 +136,13 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         others = intention.sum(-1, keepdim=True) - intention
         drive = plus(wide(self.value_gain, 1) * value, -wide(self.completion_gain, 1), satisfaction)
         percept = plus(wide(self.match_gain, 1) * match, -wide(self.intention_gain, 1), others)
+        waiting = state.dissatisfaction
+        if self.dissatisfaction is not None:
+            drive = plus(drive, -wide(self.completion_gain, 1), self.failing(state))
+            inner = self.dissatisfaction.nested(waiting)
+            waiting = self.dissatisfaction.flat(self.dissatisfaction.euler(intention, inner))
         return BehaviorState(
             self.intention.relax(drive, intention, state.intention),
             self.satisfaction.relax(percept, satisfaction, state.satisfaction),
+            waiting,
         )

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.hebbian import HebbianState, hebbian_step
-from dntorch.checks import check_count, check_ends, check_positive
+from dntorch.checks import check_count, check_ends, check_positive, check_states
 from dntorch.dynamics import Dynamics
 from dntorch.memory import extended
 from dntorch.number import Number
@@ -28,8 +28,9 @@ class HebbianQ(Dynamics[HebbianState]):
 
     ``learning_rate`` may be a tensor ``(*batch,)``, one number per agent.
 
-    Shapes: ``active`` and ``trace`` ``(*batch, n, n)``, ``error`` and ``reward`` ``(*batch,)``;
-    the output is the weights after the step, ``(*batch, n, n)``.
+    Shapes: ``active`` and ``trace`` ``(*batch, n, states)``, ``error`` and ``reward``
+    ``(*batch,)``; the output is the weights after the step, ``(*batch, n, states)``; ``states`` is
+    n unless given.
 
     The weights are **long-term memory**: a persistent buffer, 0 at first, which ``reset``
     and ``resize`` never touch. ``spread(*batch)`` gives each member of a batch weights of
@@ -58,11 +59,18 @@ class HebbianQ(Dynamics[HebbianState]):
     weights: Tensor
     learning: Tensor
 
-    def __init__(self, n: int, learning_rate: Number = 0.06, dt: float = 1 / 32) -> None:
+    def __init__(
+        self,
+        n: int,
+        learning_rate: Number = 0.06,
+        states: int | None = None,
+        dt: float = 1 / 32,
+    ) -> None:
         super().__init__(dt)
         check_count("n", n, 2)
+        self.states = check_states(n, states)
         self.n, self.learning_rate = n, learning_rate
-        self.register_buffer("weights", torch.zeros(n, n))
+        self.register_buffer("weights", torch.zeros(n, self.states))
         self.register_buffer("learning", torch.ones(()), persistent=False)
 
     def check(self) -> None:
@@ -85,8 +93,8 @@ class HebbianQ(Dynamics[HebbianState]):
     def euler(
         self, active: Tensor, trace: Tensor, error: Tensor, reward: Tensor, state: HebbianState
     ) -> HebbianState:
-        check_ends("active", active, [self.n, self.n])
-        check_ends("trace", trace, [self.n, self.n])
+        check_ends("active", active, [self.n, self.states])
+        check_ends("trace", trace, [self.n, self.states])
         check_ends("error", error, [])
         check_ends("reward", reward, [])
         if reward.dim() > 0 and reward.shape != error.shape:

@@ -3,7 +3,13 @@
 from torch import Tensor
 
 from dntorch.cells.opposition import OppositionState, opposition_step
-from dntorch.checks import check_count, check_ends, check_positive, check_time_constant
+from dntorch.checks import (
+    check_count,
+    check_ends,
+    check_positive,
+    check_states,
+    check_time_constant,
+)
 from dntorch.dynamics import Dynamics
 from dntorch.number import Number, span, wide
 
@@ -33,8 +39,8 @@ class ValueOpposition(Dynamics[OppositionState]):
 
     All numbers may be tensors ``(*batch,)``, one number per agent.
 
-    Shapes: ``pulse``, ``trace``, ``weights`` ``(*batch, n, n)``, output (v after the step)
-    ``(*batch,)``. State: ``OppositionState(opposition, error)``, 0 at rest.
+    Shapes: ``pulse``, ``trace``, ``weights`` ``(*batch, n, states)``, output (v after the step)
+    ``(*batch,)``; ``states`` is n unless given. State: ``OppositionState(opposition, error)``, 0 at rest.
 
     Raises:
         ValueError: ``dt`` longer than a time constant, ``discount`` outside [0, 1], a
@@ -67,10 +73,12 @@ class ValueOpposition(Dynamics[OppositionState]):
         tau_error: Number = 0.1,
         pulse_threshold: Number = 0.05,
         trace_threshold: Number = 0.01,
+        states: int | None = None,
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
         check_count("n", n, 2)
+        self.states = check_states(n, states)
         self.n, self.discount = n, discount
         self.tau, self.tau_error = tau, tau_error
         self.pulse_threshold, self.trace_threshold = pulse_threshold, trace_threshold
@@ -86,7 +94,7 @@ class ValueOpposition(Dynamics[OppositionState]):
 
     def initial(self, batch: list[int]) -> OppositionState:
         return OppositionState(
-            self.origin.new_zeros(batch + [self.n, self.n]),
+            self.origin.new_zeros(batch + [self.n, self.states]),
             self.origin.new_zeros(batch),
         )
 
@@ -96,9 +104,9 @@ class ValueOpposition(Dynamics[OppositionState]):
     def euler(
         self, pulse: Tensor, trace: Tensor, weights: Tensor, state: OppositionState
     ) -> OppositionState:
-        check_ends("pulse", pulse, [self.n, self.n])
-        check_ends("trace", trace, [self.n, self.n])
-        check_ends("weights", weights, [self.n, self.n])
+        check_ends("pulse", pulse, [self.n, self.states])
+        check_ends("trace", trace, [self.n, self.states])
+        check_ends("weights", weights, [self.n, self.states])
         thresholds = wide(self.pulse_threshold, 2), wide(self.trace_threshold, 2)
         numbers = wide(self.discount, 2), wide(self.tau, 2), self.tau_error
         return opposition_step(pulse, trace, weights, state, *numbers, *thresholds, self.dt)

@@ -5,14 +5,18 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.cells.functions import came_on, differ, finite
+from dntorch.cells.functions import came_on, differ, finite, is_on
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.value import ValueState
 from dntorch.checks import check_count, check_ends
 from dntorch.dynamics import Dynamics, check_parts
 from dntorch.memory import counted
 from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
+from dntorch.modules.constraints import Constraints
+from dntorch.modules.curiosity import Curiosity
+from dntorch.modules.habituation import Habituation
 from dntorch.modules.learner import Learner, LearnerState
+from dntorch.modules.recall import Recall
 from dntorch.modules.sensorimotor import Direct, Sensorimotor
 from dntorch.modules.value import ValueNodes
 
@@ -22,10 +26,17 @@ class AgentState(NamedTuple):
     behaviors: BehaviorState
     value_nodes: ValueState
     learner: LearnerState
+    recall: dict[str, Tensor]
+    """Of a part that an agent may have, by name; empty without it, as the next three."""
+    habituation: dict[str, Tensor]
+    constraints: dict[str, Tensor]
+    curiosity: dict[str, Tensor]
     decisions: Tensor
-    """Number of behaviours completed in an agent's life, ``(*batch,)``, int64: one decision
+    """Number of behaviours that ended in an agent's life, ``(*batch,)``, int64: one decision
     follows each, with noise of its own. It begins at 0 after `forget`, and where `resize` makes
     room for other agents."""
+    failures: Tensor
+    """How many of them ended without success, ``(*batch,)``, int64"""
     ignored: Tensor
     """Number of steps in which an input was not finite, ``(*batch,)``, int64"""
 
@@ -86,9 +97,10 @@ class DNSarsa(Dynamics[AgentState]):
     """
 
     __jit_unused_properties__ = ("senses",)
-    lasting = ("decisions", "ignored")
+    lasting = ("decisions", "failures", "ignored")
     cleans = True
     decisions: Tensor
+    failures: Tensor
     ignored: Tensor
 
     def __init__(
@@ -98,6 +110,10 @@ class DNSarsa(Dynamics[AgentState]):
         behaviors: ElementaryBehaviors | None = None,
         value_nodes: ValueNodes | None = None,
         learner: Learner | None = None,
+        recall: Recall | None = None,
+        habituation: Habituation | None = None,
+        constraints: Constraints | None = None,
+        curiosity: Curiosity | None = None,
         dt: float = 1 / 32,
         substeps: int = 1,
         integrator: str = "euler",
@@ -114,27 +130,61 @@ class DNSarsa(Dynamics[AgentState]):
         self.sensorimotor = sensorimotor or Direct(dt=fine)
         self.behaviors = behaviors or ElementaryBehaviors(n, dt=fine)
         self.value_nodes = value_nodes or ValueNodes(n, dt=fine)
-        self.learner = learner or Learner(n, dt=fine)
+        states = n if recall is None else recall.states
+        self.learner = learner or Learner(n, states=states, dt=fine)
+        self.recall, self.habituation = recall, habituation
+        self.constraints, self.curiosity = constraints, curiosity
         for name in self.lasting:
             self.register_buffer(name, torch.zeros((), dtype=torch.int64), persistent=False)
 
     def check(self) -> None:
         check_parts(self, self.n)
+        states = self.n if self.recall is None else self.recall.states
+        for name in ("learner", "constraints"):
+            part = getattr(self, name)
+            if part is not None and part.states != states:
+                raise ValueError(
+                    f"{name}.states={part.states} does not fit: build the part with "
+                    f"states={states}, " + ("or give a recall" if self.recall is None else "as recall")
+                )
+        if self.constraints is not None and self.behaviors.dissatisfaction is None:
+            raise ValueError(
+                "constraints need failures: give behaviors=ElementaryBehaviors(n, "
+                "dissatisfaction=Dissatisfaction(n))"
+            )
 
     def initial(self, batch: list[int]) -> AgentState:
+        recall: dict[str, Tensor] = {}
+        habituation: dict[str, Tensor] = {}
+        constraints: dict[str, Tensor] = {}
+        curiosity: dict[str, Tensor] = {}
+        if self.recall is not None:
+            recall = self.recall.flat(self.recall.initial(batch))
+        if self.habituation is not None:
+            habituation = self.habituation.flat(self.habituation.initial(batch))
+        if self.constraints is not None:
+            constraints = self.constraints.flat(self.constraints.initial(batch))
+        if self.curiosity is not None:
+            curiosity = self.curiosity.flat(self.curiosity.initial(batch))
         return AgentState(
             self.sensorimotor.flat(self.sensorimotor.initial(batch)),
             self.behaviors.initial(batch),
             self.value_nodes.initial(batch),
             self.learner.initial(batch),
+            recall,
+            habituation,
+            constraints,
+            curiosity,
             counted(self.decisions, batch),
+            counted(self.failures, batch),
             counted(self.ignored, batch),
         )
 
     @property
     def senses(self) -> tuple[str, ...]:
         """Names in an observation that the agent reads."""
-        return self.sensorimotor.senses
+        lamp = () if self.curiosity is None else ("lamp",)
+        return tuple(dict.fromkeys((*self.sensorimotor.senses, *lamp)))
 
     @property
     def weights(self) -> Tensor:
@@ -168,14 +218,15 @@ class DNSarsa(Dynamics[AgentState]):
         reward, noise = finite(reward), finite(noise)
         bad = differ(given[0], reward, batch) | differ(given[1], noise, batch)
         seen: dict[str, Tensor] = {}
-        for name, value in self.sensorimotor.sense(observation).items():
+        for name, value in self.sense(observation).items():
             if value.is_floating_point():
                 value = value.to(dtype)
                 seen[name] = finite(value)
                 bad = bad | differ(value, seen[name], batch)
             else:
                 seen[name] = value
-        before = rates = self.behaviors.output(state.behaviors)
+        before, failing = self.behaviors.output(state.behaviors), state.behaviors
+        rates = before
         for _ in range(self.substeps):
             ahead = self.substep(seen, reward, noise, rates, state)
             if self.integrator == "heun":
@@ -184,16 +235,38 @@ class DNSarsa(Dynamics[AgentState]):
                 ahead = self.halfway(state, further)
             state = ahead
             rates = self.behaviors.output(state.behaviors)
-        completed = came_on(before[1], rates[1]).any(-1)
+        ended = came_on(before[1], rates[1]).any(-1)
+        failures = state.failures
+        if self.behaviors.dissatisfaction is not None:
+            was, now = self.behaviors.failing(failing), self.behaviors.failing(state.behaviors)
+            failed = came_on(was, now).any(-1)
+            failures, ended = failures + failed, ended | failed
         state = AgentState(
             state.sensorimotor,
             state.behaviors,
             state.value_nodes,
             state.learner,
-            state.decisions + completed,
+            state.recall,
+            state.habituation,
+            state.constraints,
+            state.curiosity,
+            state.decisions + ended,
+            failures,
             state.ignored + bad,
         )
         return self.act(rates[0], state), state
+
+    def sense(self, observation: dict[str, Tensor]) -> dict[str, Tensor]:
+        """What the agent reads of an observation."""
+        seen = self.sensorimotor.sense(observation)
+        if self.curiosity is not None:
+            if "lamp" not in observation:
+                raise ValueError(
+                    f"the observation lacks 'lamp', it has {list(observation.keys())}: ask the world "
+                    "for it, or leave curiosity out"
+                )
+            seen["lamp"] = observation["lamp"]
+        return seen
 
     def substep(
         self,
@@ -208,15 +281,43 @@ class DNSarsa(Dynamics[AgentState]):
         ``rates`` is the output of the behaviours: firing rates of intentions and CoS nodes.
         """
         intention, satisfaction = rates
-        weights = state.learner.values.weights
+        weights, context = state.learner.values.weights, satisfaction
+        available, tried = ~is_on(satisfaction), noise
+        recall, habituation = state.recall, state.habituation
+        constraints, curiosity = state.constraints, state.curiosity
+        if self.recall is not None:
+            recalling = self.recall.nested(recall)
+            recalled = self.recall.output(recalling)
+            context = self.recall.context(satisfaction, recalled)
+            recall = self.recall.flat(self.recall.relax(satisfaction, recalled, recalling))
+        if self.habituation is not None:
+            used = self.habituation.nested(habituation)
+            tried = tried * self.habituation.fresh(satisfaction, used)
+            used = self.habituation.euler(intention, satisfaction, used)
+            habituation = self.habituation.flat(used)
+        if self.curiosity is not None:
+            lamp, curious = observation["lamp"], self.curiosity.nested(curiosity)
+            tried = tried + self.curiosity.value(lamp, curious)
+            curiosity = self.curiosity.flat(self.curiosity.euler(intention, lamp, curious))
+        if self.constraints is not None:
+            held, failing = self.constraints.nested(constraints), self.behaviors.failing(state.behaviors)
+            available = available * self.constraints.allowed(context, held)
+            pulse = state.learner.pulses.pulse
+            held = self.constraints.euler(failing, context, satisfaction, pulse, held)
+            constraints = self.constraints.flat(held)
         inner = self.sensorimotor.nested(state.sensorimotor)
         match = finite(self.sensorimotor.match(observation, inner)).clamp(-100.0, 100.0)
         inner = self.sensorimotor.advance(observation, intention, inner)
         return AgentState(
             self.sensorimotor.flat(inner),
             self.behaviors.relax(state.value_nodes.value, match, rates, state.behaviors),
-            self.value_nodes.euler(satisfaction, weights, noise, state.value_nodes),
-            self.learner.euler(intention, satisfaction, reward, state.learner),
+            self.value_nodes.euler(context, weights, tried, available, state.value_nodes),
+            self.learner.euler(intention, context, reward, state.learner),
+            recall,
+            habituation,
+            constraints,
+            curiosity,
             state.decisions,
+            state.failures,
             state.ignored,
         )

@@ -13,14 +13,16 @@ class ValueNodes(Dynamics[ValueState]):
     r"""Nodes that read the values of the current state, relative to the best action.
 
     .. math:: \tau \dot d_i = -d_i + \Big(\frac{x_i}{\max_k x_k}\Big)^p, \qquad
-              x_i = \Big(\Big[\sum_j W_{ij} s_j + \xi_i\Big]_+ + b_i\Big) (1 - s_i)
+              x_i = \Big(\Big[\sum_j W_{ij} s_j + \xi_i\Big]_+ + b_i\Big) a_i
 
     ===================  ================  ====  =============================================
     symbol               here              unit  meaning
     ===================  ================  ====  =============================================
     :math:`d`            ``value``         1     activation of the value nodes
-    :math:`s`            ``satisfaction``  1     the state: 1 for CoS nodes with an output
-                                                 above 1/2, else 0
+    :math:`s`            ``context``       1     the state: 1 for nodes with an output above
+                                                 1/2, else 0; in the paper the CoS nodes
+    :math:`a`            ``available``     1     1 for actions that may be taken, else 0: in
+                                                 the paper all but the finished one
     :math:`W`            ``weights``       1     values ``[action, state]``
     :math:`\xi`          ``noise``         1     exploration, one number per action
     :math:`\tau`         ``tau``           s     time constant
@@ -31,8 +33,8 @@ class ValueNodes(Dynamics[ValueState]):
 
     ``tau``, ``baseline`` and ``sharpness`` may be tensors ``(*batch,)``, one number per agent.
 
-    Shapes: ``satisfaction``, ``noise`` and output (activation after the step) ``(*batch, n)``,
-    ``weights`` ``(*batch, n, n)`` or ``(n, n)``. State: ``ValueState(value)``, 0 at rest.
+    Shapes: ``context`` ``(*batch, states)``, ``noise``, ``available`` and output (activation
+    after the step) ``(*batch, n)``, ``weights`` ``(*batch, n, states)`` or ``(n, states)``. State: ``ValueState(value)``, 0 at rest.
 
     Raises:
         ValueError: ``dt > tau``, ``baseline`` or ``sharpness`` not positive, ``n < 2``.
@@ -54,7 +56,8 @@ class ValueNodes(Dynamics[ValueState]):
     >>> nodes = ValueNodes(3)
     >>> weights = torch.tensor([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.5, 0.0, 0.0]])
     >>> for _ in range(32):
-    ...     value = nodes(torch.tensor([1.0, 0.0, 0.0]), weights, torch.zeros(3))  # in state 0
+    ...     state = torch.tensor([1.0, 0.0, 0.0])  # behaviour 0 is finished
+    ...     value = nodes(state, weights, torch.zeros(3), 1 - state)
     >>> [round(each, 3) for each in value.tolist()]
     [0.0, 1.0, 0.235]
     """
@@ -87,11 +90,17 @@ class ValueNodes(Dynamics[ValueState]):
         return state.value.clone()
 
     def euler(
-        self, satisfaction: Tensor, weights: Tensor, noise: Tensor, state: ValueState
+        self,
+        context: Tensor,
+        weights: Tensor,
+        noise: Tensor,
+        available: Tensor,
+        state: ValueState,
     ) -> ValueState:
-        check_ends("satisfaction", satisfaction, [self.n])
-        check_ends("weights", weights, [self.n, self.n])
+        check_ends("weights", weights, [self.n, context.shape[-1]])
         check_ends("noise", noise, [self.n])
+        check_ends("available", available, [self.n])
         preference = self.ladder * wide(self.baseline, 1)
         sharpness, tau = wide(self.sharpness, 1), wide(self.tau, 1)
-        return value_step(satisfaction, weights, noise, state, preference, sharpness, tau, self.dt)
+        numbers = preference, sharpness, tau, self.dt
+        return value_step(context, weights, noise, available, state, *numbers)

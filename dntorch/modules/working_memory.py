@@ -3,7 +3,13 @@
 from torch import Tensor
 
 from dntorch.cells.working_memory import WorkingMemoryState, working_memory_step
-from dntorch.checks import check_count, check_ends, check_positive, check_time_constant
+from dntorch.checks import (
+    check_count,
+    check_ends,
+    check_positive,
+    check_states,
+    check_time_constant,
+)
 from dntorch.dynamics import Dynamics
 from dntorch.number import Number, span, wide
 
@@ -31,7 +37,8 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
 
     ``tau``, ``excitation`` and ``feedback`` may be tensors ``(*batch,)``, one number per agent.
 
-    Shapes: input (pulses) and output (activity after the step) ``(*batch, n, n)``.
+    Shapes: input (pulses) and output (activity after the step) ``(*batch, n, states)``; ``states``
+    is n unless given.
     State: ``WorkingMemoryState(u)``, 0 at rest, which is a fixed point.
 
     Raises:
@@ -67,10 +74,12 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
         excitation: Number = 1.1,
         feedback: Number = 0.8,
         threshold: float = 0.05,
+        states: int | None = None,
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
         check_count("n", n, 2)
+        self.states = check_states(n, states)
         self.n, self.tau, self.threshold = n, tau, threshold
         self.excitation, self.feedback = excitation, feedback
 
@@ -89,13 +98,13 @@ class ItemOrderWM(Dynamics[WorkingMemoryState]):
             )
 
     def initial(self, batch: list[int]) -> WorkingMemoryState:
-        return WorkingMemoryState(self.origin.new_zeros(batch + [self.n, self.n]))
+        return WorkingMemoryState(self.origin.new_zeros(batch + [self.n, self.states]))
 
     def output(self, state: WorkingMemoryState) -> Tensor:
         return state.u.clone()
 
     def euler(self, input: Tensor, state: WorkingMemoryState) -> WorkingMemoryState:
-        check_ends("input", input, [self.n, self.n])
+        check_ends("input", input, [self.n, self.states])
         tau, excitation, feedback = (
             wide(self.tau, 2),
             wide(self.excitation, 2),

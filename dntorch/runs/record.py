@@ -10,7 +10,7 @@ from dntorch.cells.functions import came_on, is_on
 from dntorch.cells.node import NodeState
 from dntorch.envs.task import NOTHING
 from dntorch.envs.world import Outcome
-from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
+from dntorch.modules.behaviors import ElementaryBehaviors
 from dntorch.modules.sarsa import AgentState
 
 LOOK_BACK, SHARE = 40, 0.9
@@ -162,10 +162,10 @@ class Record:
 
     def collect(self, log: Rows, first: int, steps: int) -> None:
         """Take the ``steps`` rows of a portion that began with step ``first``."""
-        rates = self.behaviors_of.output(
-            BehaviorState(NodeState(log.intention), NodeState(log.satisfaction))
-        )
-        parts = log._replace(intention=rates[0], satisfaction=rates[1])._asdict()
+        nodes = self.behaviors_of
+        intention = nodes.intention.output(NodeState(log.intention))
+        satisfaction = nodes.satisfaction.output(NodeState(log.satisfaction))
+        parts = log._replace(intention=intention, satisfaction=satisfaction)._asdict()
         here, weights = slice(first, first + steps), parts.pop("weights")[:steps]
         for name, rows in parts.items():
             getattr(self, name)[here] = rows[:steps].cpu().numpy()

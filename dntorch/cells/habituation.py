@@ -1,0 +1,44 @@
+r"""Habituative gates: transmitters that are spent by use and recover.
+
+.. math:: \dot s_{ci} = \frac{1 - s_{ci}}{\tau_f} C_c I_i - \frac{s_{ci}}{\tau_r}
+
+C is 1 for one context at most. It is given by its number, -1 for none: a row is found faster than
+all rows are multiplied.
+"""
+
+import torch
+from torch import Tensor
+
+from dntorch.cells.functions import is_on
+from dntorch.number import Number, either
+
+
+def context_number(satisfaction: Tensor, recalled: Tensor) -> Tensor:
+    """Number of the context of the last completions, int64 ``(*batch,)``, -1 while there is none.
+
+    The last completion counts first: of i, j, k, with ``recalled`` ``(*batch, 2, n)``, it is
+    ``i * n * n + j * n + k``.
+    """
+    n = satisfaction.shape[-1]
+    number, known = satisfaction.argmax(-1), is_on(satisfaction).any(-1)
+    for level in recalled.unbind(-2):
+        number = number * n + level.argmax(-1)
+        known = known & is_on(level).any(-1)
+    return torch.where(known, number, -1)
+
+
+@either
+def habituation_step(
+    number: Tensor, intention: Tensor, spent: Tensor, fatigue: Number, recovery: Number, dt: float
+) -> Tensor:
+    """One Euler step of ``dt`` seconds; ``spent`` is ``[context, behaviour]``."""
+    here = torch.arange(spent.shape[-2], device=spent.device) == number.unsqueeze(-1)
+    use = here.unsqueeze(-1) * (intention / fatigue).unsqueeze(-2)
+    return spent + dt * ((1 - spent) * use - spent / recovery)
+
+
+def freshness(number: Tensor, spent: Tensor) -> Tensor:
+    """What is left of the transmitters in this context, ``(*batch, n)``; 1 where there is none."""
+    row = number.clamp_min(0)[..., None, None].expand(number.shape + (1, spent.shape[-1]))
+    left = 1 - spent.gather(-2, row).squeeze(-2)
+    return torch.where((number < 0).unsqueeze(-1), torch.ones_like(left), left)
