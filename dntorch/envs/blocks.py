@@ -18,7 +18,7 @@ from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge
 from dntorch.envs.layout import DAYLIGHT, Light, Ring, shuffled
 from dntorch.envs.pose import Pose
 from dntorch.envs.referee import Referee
-from dntorch.envs.senses import SENSES
+from dntorch.envs.senses import KNOWN, SENSES
 from dntorch.envs.task import SequenceTask
 from dntorch.envs.task_env import TaskEnv
 
@@ -37,6 +37,7 @@ class BlocksEnv(TaskEnv):
     wheels       float32 (2,)         motor steps since the reset, left first, rounded to
                                       whole steps; 1000 per turn, no wrap-around
     proximity    float32 (8,)         infra-red readings ps0 ... ps7, near is large
+    lamp         float32 (1,)         ``task.progress``, 0 to 1; only where ``senses`` names it
     ============ ==================== ===================================================
 
     ============ ======== ===============================================================
@@ -57,7 +58,7 @@ class BlocksEnv(TaskEnv):
         task: what is rewarded, and the length of one control step.
         ring: where the blocks stand; by default four of each colour.
         layout_seed: fixes the order of the colours; ``None``: ``reset(seed=)`` draws it.
-        light, body: the lamp; the robot and its camera.
+        light, body: how all is lit; the robot and its camera.
         tolerance, dwell, dwell_rate: of the judge; rad, s, rad/s.
         senses: names in the observation; what is not named is not computed.
         render_mode: ``None`` or ``rgb_array``, a view from outside.
@@ -170,10 +171,6 @@ class BlocksEnv(TaskEnv):
         """
         return sensors.bearings(self.ring.centers, self.body, self._pose)
 
-    def observe(self) -> dict[str, np.ndarray]:
-        """The observation at this moment; looking changes nothing."""
-        return {name: self.sense(name) for name in self.observation_space}
-
     def sense(self, name: str) -> np.ndarray:
         """One entry of an observation, also of those that ``senses`` does not name."""
         if name == "image":
@@ -182,7 +179,9 @@ class BlocksEnv(TaskEnv):
             return self._feel()
         if name == "wheels":
             return np.rint(self._drive.wheels * (STEPS_PER_TURN / math.tau)).astype(np.float32)
-        raise ValueError(f"name={name!r}: choose from {SENSES}")
+        if name == "lamp":
+            return self.lamp(self._referee.rewarded)
+        raise ValueError(f"name={name!r}: choose from {KNOWN}")
 
     # ---------------------------------------------------------------- snapshot
 

@@ -40,6 +40,7 @@ class RingWorld(World[RingState]):
     wheels       (*batch, 2)                motor steps since the start, left first,
                                             rounded to whole steps; 1000 per turn
     proximity    (*batch, 8)                infra-red readings ps0 ... ps7, near is large
+    lamp         (*batch, 1)                ``task.progress``, 0 to 1
     ============ ========================== =============================================
 
     Bearings, wheel angles, distances and the depth of walls are differentiable; images of
@@ -48,7 +49,7 @@ class RingWorld(World[RingState]):
     Args:
         task: what is rewarded; its ``dt`` is one control step.
         ring: where the blocks stand; by default four of each colour. Boxes or cylinders.
-        light, body: the lamp; the robot and its camera.
+        light, body: how all is lit; the robot and its camera.
         tolerance, dwell, dwell_rate: of the judge; rad, s, rad/s.
         senses: names in the observation; what is not named is not computed.
         dtype, device: of what is observed.
@@ -136,6 +137,8 @@ class RingWorld(World[RingState]):
             return self.camera.image(self.camera.walls(*pose), state.layout)
         if name == "proximity":
             return self.camera.proximity(*pose)
+        if name == "lamp":
+            return self.task.progress(state.task).unsqueeze(-1).to(self.dtype)
         return (state.wheels * (STEPS_PER_TURN / math.tau)).round().to(self.dtype)
 
     def step(self, action: Tensor, state: RingState) -> tuple[Outcome, RingState]:
