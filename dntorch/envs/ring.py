@@ -10,7 +10,7 @@ from torch import Tensor
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.envs.checks import check_whole
 from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge, JudgeState
-from dntorch.envs.layout import DAYLIGHT, Light, Ring, shuffled
+from dntorch.envs.layout import DAYLIGHT, Light, Ring
 from dntorch.envs.ring_camera import RingCamera, wrap
 from dntorch.envs.senses import check_senses
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
@@ -106,7 +106,7 @@ class RingWorld(World[RingState]):
     def _layouts(self, batch: list[int], seed: Tensor, agents: Tensor) -> Tensor:
         pairs = torch.stack(torch.broadcast_tensors(seed, agents), -1).expand(*batch, 2)
         unique, member = pairs.reshape(-1, 2).unique(dim=0, return_inverse=True)
-        drawn = [draw_layout(self.ring.blocks, self.n, *pair) for pair in unique.tolist()]
+        drawn = [draw_layout(self.ring, self.task.colors, *pair) for pair in unique.tolist()]
         layouts = torch.tensor(drawn, dtype=torch.int64)[member].reshape(*batch, self.ring.blocks)
         return layouts.to(self.device)
 
@@ -162,9 +162,9 @@ class RingWorld(World[RingState]):
         return Outcome(self.observe(moved), reward, found, completed), moved
 
 
-def draw_layout(blocks: int, colors: int, seed: int, agent: int = 0) -> list[int]:
-    """The colour of every block, each colour as often, drawn by NumPy's default generator."""
+def draw_layout(ring: Ring, colors: str, seed: int, agent: int = 0) -> list[int]:
+    """The position in ``colors`` of each block's colour, drawn by NumPy's default generator."""
     import numpy as np  # to draw what Gymnasium's seeding draws
 
     entropy = [seed, agent] if agent else seed
-    return shuffled(blocks, colors, np.random.default_rng(entropy)).tolist()
+    return ring.draw(colors, np.random.default_rng(entropy)).tolist()
