@@ -27,6 +27,7 @@ os.environ["PYTHONWARNINGS"] = ",".join(["error", *EXEMPT])
 
 #: Tests that may be skipped, and why: nothing else is skipped unseen by `make test`.
 MAY_SKIP = {
+    "tests/envs/test_nodes.py": "one test needs a C++ compiler",
     "tests/envs/test_ring.py": "one test needs a GPU",
     "tests/modules/test_compiled.py": "needs a C++ compiler",
     "tests/modules/test_dnfc_data.py": "third-party field runs, not part of this repository",

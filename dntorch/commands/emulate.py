@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dntorch.colors import PAPER
+from dntorch.colors import HUES, PAPER
 from dntorch.commands.common import Computing, refuse_options
 from dntorch.commands.kinds import Parsed, whole
 from dntorch.commands.options import COLORS
@@ -28,6 +28,12 @@ def _host(name: str) -> str:
     return name
 
 
+def _missing(text: str) -> str:
+    if set(text) - set(HUES) or len(set(text)) < len(text):
+        raise ValueError(f"give different letters of {''.join(HUES)}")
+    return text
+
+
 @click.command(cls=Computing)
 @PROTOCOL
 @PACING
@@ -42,13 +48,25 @@ def _host(name: str) -> str:
     help="Of the blocks around it, of ROYGCBVM.",
 )
 @click.option(
+    "--missing",
+    type=Parsed(_missing),
+    default="",
+    help="Colors that no block has; in their places stand others.",
+)
+@click.option(
     "--host", type=Parsed(_host), default="127.0.0.1", show_default=True, help="Where to listen."
 )
 @click.option("--port", type=whole(0, 65535), default=0, help="TCP port.  [default: a free one]")
 @click.option("--pty", is_flag=True, help="A pseudo-terminal instead of a TCP port.")
 @click.pass_context
 def emulate(
-    context: click.Context, host: str, port: int, pty: bool, colors: str, **options: Any
+    context: click.Context,
+    host: str,
+    port: int,
+    pty: bool,
+    colors: str,
+    missing: str,
+    **options: Any,
 ) -> None:
     """Serve an emulated e-puck in its ring of blocks.
 
@@ -59,10 +77,13 @@ def emulate(
         others = context.params.keys() - {"host", "port"}
         refuse_options(context, others, "is of TCP, but --pty serves a pseudo-terminal")
     end_when_asked()
+    from dntorch.envs.layout import Ring
     from dntorch.envs.task import SequenceTask
 
+    task = SequenceTask(colors[:2], colors)  # nobody sees what is rewarded there
+    world = {"task": task, "ring": Ring(4 * len(colors), missing=missing)}
     with closing(_server(host, port, pty)) as server:
-        emulator = build_emulator(server, world={"task": SequenceTask(colors=colors)}, **options)
+        emulator = build_emulator(server, world=world, **options)
         with emulator, suppress(KeyboardInterrupt):
             click.echo(f"{options['protocol']} at {server.address}")
             sys.stdout.flush()

@@ -12,13 +12,13 @@ import numpy as np
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.colors import HUES
 from dntorch.envs import sensors
-from dntorch.envs.checks import check_episode, check_snapshot, check_whole
+from dntorch.envs.checks import check_episode, check_missing, check_snapshot, check_whole
 from dntorch.envs.drive import Drive, check_speeds
 from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge
-from dntorch.envs.layout import DAYLIGHT, Light, Ring, shuffled
+from dntorch.envs.layout import DAYLIGHT, Light, Ring, without
 from dntorch.envs.pose import Pose
 from dntorch.envs.referee import Referee
-from dntorch.envs.senses import SENSES
+from dntorch.envs.senses import KNOWN, SENSES
 from dntorch.envs.task import SequenceTask
 from dntorch.envs.task_env import TaskEnv
 
@@ -37,6 +37,7 @@ class BlocksEnv(TaskEnv):
     wheels       float32 (2,)         motor steps since the reset, left first, rounded to
                                       whole steps; 1000 per turn, no wrap-around
     proximity    float32 (8,)         infra-red readings ps0 ... ps7, near is large
+    lamp         float32 (1,)         ``task.progress``, 0 to 1; only where ``senses`` names it
     ============ ==================== ===================================================
 
     ============ ======== ===============================================================
@@ -52,18 +53,17 @@ class BlocksEnv(TaskEnv):
 
     The world judges what was found (:class:`~dntorch.envs.judge.Judge`) and rewards the
     sequence (:class:`~dntorch.envs.task.SequenceTask`); what an agent believes plays no part.
+    A subclass sets ``_drive``, which moves the robot, and says how the world looks.
 
     Args:
         task: what is rewarded, and the length of one control step.
         ring: where the blocks stand; by default four of each colour.
         layout_seed: fixes the order of the colours; ``None``: ``reset(seed=)`` draws it.
-        light, body: the lamp; the robot and its camera.
+        light, body: how all is lit; the robot and its camera.
         tolerance, dwell, dwell_rate: of the judge; rad, s, rad/s.
         senses: names in the observation; what is not named is not computed.
         render_mode: ``None`` or ``rgb_array``, a view from outside.
         max_seconds: ``None`` or the length of an episode in s.
-
-    A subclass sets ``_drive``, which moves the robot, and says how the world looks.
 
     Raises:
         ValueError: an argument that makes no world; the sentence says what to give.
@@ -90,8 +90,7 @@ class BlocksEnv(TaskEnv):
         task, ring = check_whole(task, ring, light, body, tolerance)
         check_episode(layout_seed, render_mode, max_seconds)
         super().__init__(task, body, senses)
-        self.ring, self.light = ring, light
-        self.layout_seed = layout_seed
+        self.ring, self.light, self.layout_seed = ring, light, layout_seed
         self.render_mode, self.max_seconds = render_mode, max_seconds
         self._referee = Referee(Judge(tolerance, dwell, dwell_rate, task.dt), task)
         # A snapshot may go on in an env that is sensed, drawn or cut off differently.
@@ -120,7 +119,7 @@ class BlocksEnv(TaskEnv):
         super().reset(seed=seed)
         fixed = self.layout_seed is not None
         random = np.random.default_rng(self.layout_seed) if fixed else self.np_random
-        self._arrange(shuffled(self.ring.blocks, len(self.colors), random))
+        self._arrange(self.ring.draw(self.colors, random))
         self._drive.reset()
         self._pose, self._steps = self._drive.pose(), 0
         info = self._referee.reset(self.bearings, self.layout)
@@ -140,6 +139,12 @@ class BlocksEnv(TaskEnv):
         reward, info = self._referee.step(self.bearings, yaw_rate, self.layout)
         over = self.max_seconds is not None and self._steps * self.dt >= self.max_seconds
         return reward, over, self._told(info, yaw_rate)
+
+    def take_away(self, missing: str) -> None:
+        """From now to the next reset no block has these colours, as `Ring` says of ``missing``."""
+        self._require_reset()
+        check_missing(missing, "".join(self.colors[k] for k in np.unique(self.layout)))
+        self._arrange(without(self.layout, missing, self.colors))
 
     def render(self) -> np.ndarray | None:
         """The view from outside, uint8 (360, 480, 3), RGB; ``None`` without a render mode."""
@@ -164,15 +169,9 @@ class BlocksEnv(TaskEnv):
 
     @property
     def bearings(self) -> np.ndarray:
-        """rad, of every block's middle seen from the camera, left is positive, ``(blocks,)``.
-
-        The colour of block ``k`` is ``colors[layout[k]]``.
-        """
+        """rad, from the camera to the middle of each block k, of colour ``colors[layout[k]]``;
+        left is positive, ``(blocks,)``."""
         return sensors.bearings(self.ring.centers, self.body, self._pose)
-
-    def observe(self) -> dict[str, np.ndarray]:
-        """The observation at this moment; looking changes nothing."""
-        return {name: self.sense(name) for name in self.observation_space}
 
     def sense(self, name: str) -> np.ndarray:
         """One entry of an observation, also of those that ``senses`` does not name."""
@@ -182,7 +181,9 @@ class BlocksEnv(TaskEnv):
             return self._feel()
         if name == "wheels":
             return np.rint(self._drive.wheels * (STEPS_PER_TURN / math.tau)).astype(np.float32)
-        raise ValueError(f"name={name!r}: choose from {SENSES}")
+        if name == "lamp":
+            return self.lamp(self._referee.rewarded)
+        raise ValueError(f"name={name!r}: choose from {KNOWN}")
 
     # ---------------------------------------------------------------- snapshot
 

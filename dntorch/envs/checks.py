@@ -29,11 +29,21 @@ def check_whole(
     check_kind("ring", ring, Ring)
     if ring.blocks % share:
         raise ValueError(f"blocks={ring.blocks!r}: give a multiple of the {share} colors")
+    check_missing(ring.missing, task.colors)
     check_quantities(tolerance=tolerance)
     half = math.pi / ring.blocks
     if tolerance >= half:
         raise ValueError(f"tolerance={tolerance!r}: give less than half a pitch, {half:.3f} rad")
     return task, ring
+
+
+def check_missing(missing: Any, colors: str) -> None:
+    """Raise a ``ValueError`` unless at least two of ``colors`` are left without the ``missing``."""
+    text = isinstance(missing, str)
+    if not text or set(missing) - set(colors) or len(set(colors) - set(missing)) < 2:
+        raise ValueError(
+            f"missing={shown(missing)}: give letters of colors={colors!r} that leave at least two"
+        )
 
 
 def check_episode(layout_seed: int | None, render_mode: str | None, max_seconds: float | None):

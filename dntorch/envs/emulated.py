@@ -32,7 +32,8 @@ def emulate(
             115200 baud.
         pacing: of ``wifi``: ``firmware``, ``webots`` or ``request``.
         layout: seed of the order of the colours.
-        world: other arguments of the env.
+        world: other arguments of the env, such as ``{"ring": Ring(missing="B")}``. While it runs,
+            ``world.take_away("B")`` of the emulator does the same, called from ``on_step``.
         kind: the env, by default `EPuckEnv`, or `RingEnv` where PyBullet cannot be had.
         worse: ``camera``, ``faults``, ``on_step`` of `Emulator`.
 

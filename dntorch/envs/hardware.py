@@ -25,11 +25,11 @@ class HardwareEnv(TaskEnv):
     """Find colours with a robot that is really there, or emulated.
 
     Action and observation are those of ``EPuckEnv``: wheel speeds in rad/s; ``image``,
-    ``wheels`` and ``proximity``, or only those that ``senses`` names. Images are corrected and
-    shown as the camera of ``body`` would see them, so that a block is as wide as the agent
-    expects; what lies beyond the true camera's view is black. One step takes ``task.dt`` seconds
-    of the clock. Nobody knows the truth here, so there is no ``bearing``; what counts as found is
-    what the agent reports, before the step, or a key press that is rewarded by itself.
+    ``wheels`` and ``proximity``, or those that ``senses`` names, a ``lamp`` too. Images are
+    corrected and shown as the camera of ``body`` would see them, so that a block is as wide as the
+    agent expects; what lies beyond the true camera's view is black. One step takes ``task.dt``
+    seconds of the clock. Nobody knows the truth here, so there is no ``bearing``; what counts as
+    found is what the agent reports, before the step, or a key press that is rewarded by itself.
 
     ============ ======== ===============================================================
     info         dtype    meaning
@@ -99,7 +99,7 @@ class HardwareEnv(TaskEnv):
         self._zero, self._rewarded = self._frame.steps, self.task.initial()
         self._found, self._pressed, self._ready = NOTHING, 0, True
         self._due = self.clock.now()
-        return self._observe(), self._info((0.0, 0.0), NOTHING, False, True, 0.0)
+        return self.observe(), self._info((0.0, 0.0), NOTHING, False, True, 0.0)
 
     @property
     def frame(self) -> Frame:
@@ -123,7 +123,7 @@ class HardwareEnv(TaskEnv):
         found, self._found = self._found, NOTHING
         reward, completed, self._rewarded = self.task.step(torch.tensor(found), self._rewarded)
         info = self._info(speeds, found, bool(completed), fresh, late)
-        return self._observe(), max(float(reward), self._press()), False, False, info
+        return self.observe(), max(float(reward), self._press()), False, False, info
 
     def close(self) -> None:
         """Stop the robot and give the link back."""
@@ -193,14 +193,13 @@ class HardwareEnv(TaskEnv):
             raise ValueError(f"action={action!r}: give two wheel speeds (left, right) in rad/s")
         return float(speeds[0]), float(speeds[1])
 
-    def _observe(self) -> dict[str, np.ndarray]:
-        return {name: self._sense(name) for name in self.observation_space}
-
-    def _sense(self, name: str) -> np.ndarray:
+    def sense(self, name: str) -> np.ndarray:
         if name == "image":
             return self._image.copy()
         if name == "proximity":
             return self._frame.proximity.clip(0, PROXIMITY_TABLE[0][1]).astype(np.float32)
+        if name == "lamp":
+            return self.lamp(self._rewarded)
         return (self._frame.steps - self._zero).astype(np.float32)
 
     def _info(self, speeds, found: int, completed: bool, fresh: bool, late: float):

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dntorch.quantities import Interval, check_quantities, check_vector
+from dntorch.colors import HUES
+from dntorch.quantities import Interval, check_quantities, check_vector, shown
 
 if TYPE_CHECKING:
     import numpy as np  # not needed to see the ring in torch
@@ -52,7 +53,8 @@ class Ring:
     with yaw 0 looks between two blocks and has found nothing by standing still.
 
     Raises:
-        ValueError: unknown shape, sizes not positive, or blocks that do not fit.
+        ValueError: unknown shape, sizes not positive, blocks that do not fit, ``missing`` colours
+            that are no different letters.
     """
 
     blocks: int = 16
@@ -62,6 +64,9 @@ class Ring:
     """m, width and height"""
     block_shape: str = "box"
     """``box``, ``cylinder``, ``sphere``, or ``mixed``: the three in turn"""
+    missing: str = ""
+    """letters of colours of which no block stands there. Each place is filled: blocks of the
+    other colours, in turn, stand in for theirs, and all else is as it would be without"""
 
     def __post_init__(self) -> None:
         check_quantities(blocks=self.blocks, radius=self.radius, block_size=self.block_size)
@@ -69,6 +74,11 @@ class Ring:
         if not isinstance(self.block_shape, str) or self.block_shape not in (*SHAPES, "mixed"):
             raise ValueError(
                 f"block_shape={self.block_shape!r} is unknown: choose from {(*SHAPES, 'mixed')}"
+            )
+        letters = self.missing if isinstance(self.missing, str) else "?"
+        if set(letters) - set(HUES) or len(set(letters)) < len(letters):
+            raise ValueError(
+                f"missing={shown(self.missing)}: give different letters of {''.join(HUES)}, or ''"
             )
         # Boxes turn a face to the robot, so the inner faces are where they meet first.
         inner = self.radius - self.block_size / 2
@@ -94,12 +104,30 @@ class Ring:
 
         return self.radius * np.stack((np.cos(self.angles), np.sin(self.angles)), axis=1)
 
+    def draw(self, colors: str, random: np.random.Generator) -> np.ndarray:
+        """The position in ``colors`` of each block's colour, drawn, each colour as often.
 
-def shuffled(blocks: int, colors: int, random: np.random.Generator) -> np.ndarray:
-    """The colour of every block in an order drawn from ``random``, each colour as often."""
+        Then those that are ``missing`` are replaced, `without` another draw.
+        """
+        import numpy as np
+
+        each = np.repeat(np.arange(len(colors)), self.blocks // len(colors))
+        return without(random.permutation(each), self.missing, colors)
+
+
+def without(layout: np.ndarray, missing: str, colors: str) -> np.ndarray:
+    """A layout in which blocks of ``missing`` colours became those of the others, in turn.
+
+    >>> import numpy as np
+    >>> without(np.array([2, 0, 2, 3, 1, 2, 2]), "B", "RGBY").tolist()
+    [0, 0, 1, 3, 1, 3, 0]
+    """
     import numpy as np
 
-    return random.permutation(np.repeat(np.arange(colors), blocks // colors))
+    gone = np.isin(layout, [colors.index(letter) for letter in missing])
+    layout, left = layout.copy(), np.unique(layout[~gone])
+    layout[gone] = np.resize(left, gone.sum())
+    return layout
 
 
 #: White light from above, without shadows.

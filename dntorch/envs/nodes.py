@@ -4,16 +4,18 @@ No bodies and no images: an intention that is on long enough is fulfilled. For t
 statistics, in torch alone.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from dntorch.cells.functions import is_on
+from dntorch.envs.senses import check_senses
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
 from dntorch.envs.world import Outcome, World, check_action, individuals
 from dntorch.noise import keyed_uniform
-from dntorch.quantities import Interval, check_kind
+from dntorch.quantities import Interval, check_kind, shown
 
 AHEAD = 32
 """Visits whose durations are drawn ahead."""
@@ -48,8 +50,14 @@ class NodesWorld(World[NodesState]):
     counts as found, once. When the intention goes off the match lingers as a percept does:
     without that overlap a condition of satisfaction may go off before it sustains itself.
 
-    Shapes: the action is the firing rates of the intentions, ``(*batch, n)``; the observation
-    ``match`` is 0 or 1 for each condition of satisfaction, ``(*batch, n)``.
+    The action is the firing rates of the intentions, ``(*batch, n)``.
+
+    ============ ================ ======================================================
+    observation  shape            meaning
+    ============ ================ ======================================================
+    match        ``(*batch, n)``  0 or 1 for each condition of satisfaction
+    lamp         ``(*batch, 1)``  ``task.progress``, 0 to 1
+    ============ ================ ======================================================
 
     A compiled `step` draws nothing: call `provide` at the latest when `due`.
 
@@ -58,6 +66,14 @@ class NodesWorld(World[NodesState]):
         shortest, longest: seconds until the object is in view.
         dwell, linger: seconds in view until found; seconds a match outlasts its intention.
         device: of its tensors.
+        senses: names in the observation; what is not named is not computed.
+        feasible: whether a behaviour is possible after the one that was found last, bool
+            ``[behaviour, found last]``, ``(n, n)`` or ``(*batch, n, n)``. What is sought in vain
+            does not come into view, and its time stands still. Before the first find a behaviour
+            is possible that is so after any other. ``None``: all are, always.
+
+    Raises:
+        ValueError: times that make no world, another sense, ``feasible`` of another size or kind.
 
     >>> world = NodesWorld()
     >>> state = world.initial(agents=torch.arange(3))  # three agents with fates of their own
@@ -67,7 +83,6 @@ class NodesWorld(World[NodesState]):
     """
 
     STREAM = 2
-    senses = ("match",)
 
     def __init__(
         self,
@@ -77,6 +92,8 @@ class NodesWorld(World[NodesState]):
         dwell: float = 0.6,
         linger: float = 0.6,
         device: torch.device | str | None = None,
+        senses: Sequence[str] = ("match",),
+        feasible: Tensor | None = None,
     ) -> None:
         for name, value in {
             "shortest": shortest, "longest": longest, "dwell": dwell, "linger": linger
@@ -90,7 +107,9 @@ class NodesWorld(World[NodesState]):
             )
         task = SequenceTask() if task is None else task
         check_kind("task", task, SequenceTask)
-        self.task, self.device = task.to(device), device
+        check_senses(senses, ("match", "lamp"))
+        self.task, self.device, self.senses = task.to(device), device, tuple(senses)
+        self.feasible = None if feasible is None else _first_too(feasible, self.n).to(device)
         dt = self.task.dt
         self.shortest, self.longest = shortest / dt, longest / dt
         self.dwell, self.linger = round(dwell / dt), round(linger / dt)
@@ -104,6 +123,12 @@ class NodesWorld(World[NodesState]):
     ) -> NodesState:
         """Nothing is sought; ``seed`` and ``agents``, one for all or ``(*batch,)``, key chance."""
         seed, agents = (x.to(self.device) for x in individuals(batch, seed, agents))
+        tables = () if self.feasible is None else self.feasible.shape[:-1]
+        if tables not in ((), agents.shape):
+            raise ValueError(
+                f"feasible of batch {list(tables)} does not fit batch={list(agents.shape)}: give "
+                f"[{self.n}, {self.n}] for all, or a table for each agent"
+            )
         none = torch.zeros_like(agents)
         ahead = none.unsqueeze(-1).expand(*none.shape, AHEAD).clone()
         task = self.task.initial(tuple(none.shape))
@@ -112,7 +137,7 @@ class NodesWorld(World[NodesState]):
         return self.provide(state)
 
     def observe(self, state: NodesState) -> dict[str, Tensor]:
-        return {"match": self._match(state, torch.get_default_dtype())}
+        return self._show(state, torch.get_default_dtype())
 
     def step(self, intention: Tensor, state: NodesState) -> tuple[Outcome, NodesState]:
         """One control step under the firing rates of the intentions, ``(*batch, n)``.
@@ -133,15 +158,19 @@ class NodesWorld(World[NodesState]):
         duration = torch.where(begun, state.ahead.gather(-1, row).squeeze(-1), state.duration)
         on = on & (choice == target)
         absent = torch.where(on, 0, state.absent + 1)
-        sought = torch.where(begun, 0, state.sought) + (absent <= self.linger)
+        sought = torch.where(begun, 0, state.sought)
+        running = absent <= self.linger
+        if self.feasible is not None:  # what is in view stays there
+            running = running & (self._possible(target, state.task) | (sought > duration))
+        sought = sought + running
         state = state._replace(
             target=target, duration=duration, sought=sought, absent=absent, visits=visits
         )
         counts = self._in_view(state) & (sought == duration + self.dwell)
         found = torch.where(counts, target, NOTHING)
         reward, completed, task = self.task.step(found, state.task)
-        observation = {"match": self._match(state, intention.dtype)}
-        return Outcome(observation, reward, found, completed), state._replace(task=task)
+        state = state._replace(task=task)
+        return Outcome(self._show(state, intention.dtype), reward, found, completed), state
 
     def again(self, first: NodesState, last: NodesState) -> NodesState:
         """Visits are counted on, so that the durations are others."""
@@ -154,7 +183,19 @@ class NodesWorld(World[NodesState]):
         near = (state.sought > state.duration) & (state.absent <= self.linger)
         return near & (state.target != NOTHING)
 
-    def _match(self, state: NodesState, dtype: torch.dtype) -> Tensor:
+    def _possible(self, target: Tensor, task: TaskState) -> Tensor:
+        """Whether the target can be found after what was found last."""
+        last = task.recent[..., -1].remainder(self.n + 1)  # nothing: the last column
+        entry = target.clamp_min(0) * (self.n + 1) + last
+        table = self.feasible.expand(*target.shape, self.n * (self.n + 1))
+        return table.gather(-1, entry.unsqueeze(-1)).squeeze(-1)
+
+    def _show(self, state: NodesState, dtype: torch.dtype) -> dict[str, Tensor]:
+        return {name: self._sense(name, state, dtype) for name in self.senses}
+
+    def _sense(self, name: str, state: NodesState, dtype: torch.dtype) -> Tensor:
+        if name == "lamp":
+            return self.task.progress(state.task).unsqueeze(-1).to(dtype)
         colors = torch.arange(self.n, device=state.target.device)
         seen = self._in_view(state).unsqueeze(-1) & (state.target.unsqueeze(-1) == colors)
         return seen.to(dtype)
@@ -169,3 +210,15 @@ class NodesWorld(World[NodesState]):
 
     def snapshot(self, state: NodesState) -> list[Tensor]:
         return super().snapshot(self.provide(state))  # whenever chance was drawn last
+
+
+def _first_too(feasible: Tensor, n: int) -> Tensor:
+    """``feasible``, flat, with a column for the time before the first find: ``n * (n + 1)``."""
+    given = isinstance(feasible, Tensor) and feasible.dtype == torch.bool
+    if not given or feasible.shape[-2:] != (n, n):
+        value = list(feasible.shape) if isinstance(feasible, Tensor) else shown(feasible)
+        raise ValueError(
+            f"feasible={value}: give a bool tensor of shape [{n}, {n}] or [*batch, {n}, {n}]"
+        )
+    after_another = feasible & ~torch.eye(n, dtype=torch.bool, device=feasible.device)
+    return torch.cat((feasible, after_another.any(-1, keepdim=True)), -1).flatten(-2)

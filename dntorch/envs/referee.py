@@ -16,6 +16,9 @@ class Referee:
     Args:
         judge: tells which block was found.
         task: rewards the colours of the blocks in their order.
+
+    Attributes:
+        rewarded: state of the task.
     """
 
     def __init__(self, judge: Judge, task: SequenceTask) -> None:
@@ -23,7 +26,7 @@ class Referee:
 
     def reset(self, bearings: np.ndarray, layout: np.ndarray) -> dict[str, Any]:
         """Begin; info of the first moment, in which nothing can be found."""
-        self._judged, self._rewarded = JudgeState(), self.task.initial()
+        self._judged, self.rewarded = JudgeState(), self.task.initial()
         seen, _ = self.judge.step(bearings, math.inf, self._judged)
         return _info(seen, layout, False)
 
@@ -33,18 +36,18 @@ class Referee:
         """Reward and info of one control step; ``layout`` tells the colour of each block."""
         verdict, self._judged = self.judge.step(bearings, yaw_rate, self._judged)
         found = torch.tensor(_color(verdict.found, layout))
-        reward, completed, self._rewarded = self.task.step(found, self._rewarded)
+        reward, completed, self.rewarded = self.task.step(found, self.rewarded)
         return float(reward), _info(verdict, layout, bool(completed))
 
     def snapshot(self) -> dict[str, tuple]:
         return {
             "judge": tuple(self._judged),
-            "task": tuple(part.numpy().copy() for part in self._rewarded),
+            "task": tuple(part.numpy().copy() for part in self.rewarded),
         }
 
     def restore(self, snapshot: dict[str, Any]) -> None:
         self._judged = JudgeState(*snapshot["judge"])
-        self._rewarded = TaskState(*(torch.from_numpy(part.copy()) for part in snapshot["task"]))
+        self.rewarded = TaskState(*(torch.from_numpy(part.copy()) for part in snapshot["task"]))
 
 
 def _color(block: int, layout: np.ndarray) -> int:

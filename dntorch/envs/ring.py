@@ -10,7 +10,7 @@ from torch import Tensor
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
 from dntorch.envs.checks import check_whole
 from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge, JudgeState
-from dntorch.envs.layout import DAYLIGHT, Light, Ring, shuffled
+from dntorch.envs.layout import DAYLIGHT, Light, Ring
 from dntorch.envs.ring_camera import RingCamera, wrap
 from dntorch.envs.senses import check_senses
 from dntorch.envs.task import NOTHING, SequenceTask, TaskState
@@ -40,6 +40,7 @@ class RingWorld(World[RingState]):
     wheels       (*batch, 2)                motor steps since the start, left first,
                                             rounded to whole steps; 1000 per turn
     proximity    (*batch, 8)                infra-red readings ps0 ... ps7, near is large
+    lamp         (*batch, 1)                ``task.progress``, 0 to 1
     ============ ========================== =============================================
 
     Bearings, wheel angles, distances and the depth of walls are differentiable; images of
@@ -48,7 +49,7 @@ class RingWorld(World[RingState]):
     Args:
         task: what is rewarded; its ``dt`` is one control step.
         ring: where the blocks stand; by default four of each colour. Boxes or cylinders.
-        light, body: the lamp; the robot and its camera.
+        light, body: how all is lit; the robot and its camera.
         tolerance, dwell, dwell_rate: of the judge; rad, s, rad/s.
         senses: names in the observation; what is not named is not computed.
         dtype, device: of what is observed.
@@ -105,7 +106,7 @@ class RingWorld(World[RingState]):
     def _layouts(self, batch: list[int], seed: Tensor, agents: Tensor) -> Tensor:
         pairs = torch.stack(torch.broadcast_tensors(seed, agents), -1).expand(*batch, 2)
         unique, member = pairs.reshape(-1, 2).unique(dim=0, return_inverse=True)
-        drawn = [draw_layout(self.ring.blocks, self.n, *pair) for pair in unique.tolist()]
+        drawn = [draw_layout(self.ring, self.task.colors, *pair) for pair in unique.tolist()]
         layouts = torch.tensor(drawn, dtype=torch.int64)[member].reshape(*batch, self.ring.blocks)
         return layouts.to(self.device)
 
@@ -136,6 +137,8 @@ class RingWorld(World[RingState]):
             return self.camera.image(self.camera.walls(*pose), state.layout)
         if name == "proximity":
             return self.camera.proximity(*pose)
+        if name == "lamp":
+            return self.task.progress(state.task).unsqueeze(-1).to(self.dtype)
         return (state.wheels * (STEPS_PER_TURN / math.tau)).round().to(self.dtype)
 
     def step(self, action: Tensor, state: RingState) -> tuple[Outcome, RingState]:
@@ -159,9 +162,9 @@ class RingWorld(World[RingState]):
         return Outcome(self.observe(moved), reward, found, completed), moved
 
 
-def draw_layout(blocks: int, colors: int, seed: int, agent: int = 0) -> list[int]:
-    """The colour of every block, each colour as often, drawn by NumPy's default generator."""
+def draw_layout(ring: Ring, colors: str, seed: int, agent: int = 0) -> list[int]:
+    """The position in ``colors`` of each block's colour, drawn by NumPy's default generator."""
     import numpy as np  # to draw what Gymnasium's seeding draws
 
     entropy = [seed, agent] if agent else seed
-    return shuffled(blocks, colors, np.random.default_rng(entropy)).tolist()
+    return ring.draw(colors, np.random.default_rng(entropy)).tolist()

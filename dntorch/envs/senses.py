@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from torch import Tensor
 
 SENSES = ("image", "wheels", "proximity")
-"""Names in an observation."""
+"""Names in an observation, unless others are asked for."""
+KNOWN = (*SENSES, "lamp")
+"""All that can be asked for. The lamp is part of no robot: it shows how far the task is."""
 
 #: ps0 ... ps7, clockwise from the front right: x, y, z in metres and direction in radians
 #: from straight ahead.
@@ -52,12 +54,10 @@ def proximity_reading(distance: Tensor, table: Tensor) -> Tensor:
     return reading[0] + (part.clamp(0, 1) * reading.diff()).sum(-1)
 
 
-def check_senses(senses: Sequence[str]) -> None:
-    """Raise a ``ValueError`` for a name that an e-puck does not sense."""
+def check_senses(senses: Sequence[str], known: tuple[str, ...] = KNOWN) -> None:
+    """Raise a ``ValueError`` for a name that is not ``known``: by default, amid blocks."""
     if not isinstance(senses, Sequence):
-        raise ValueError(f"senses={senses!r}: give a tuple out of {SENSES}")
+        raise ValueError(f"senses={senses!r}: give a tuple out of {known}")
     for name in senses:
-        if name not in SENSES:
-            raise ValueError(
-                f"senses={senses!r}: {name!r} is unknown, give a tuple out of {SENSES}"
-            )
+        if name not in known:
+            raise ValueError(f"senses={senses!r}: {name!r} is unknown, give a tuple out of {known}")

@@ -39,6 +39,7 @@ def observation_space(body: Body, senses: Sequence[str]) -> spaces.Dict:
         "image": spaces.Box(0, 255, (body.height, body.width, 3), np.uint8),
         "wheels": spaces.Box(-FARTHEST, FARTHEST, (2,), np.float32),
         "proximity": spaces.Box(0, PROXIMITY_TABLE[0][1], (8,), np.float32),
+        "lamp": spaces.Box(0, 1, (1,), np.float32),
     }
     check_senses(senses)
     return spaces.Dict({name: known[name] for name in senses})

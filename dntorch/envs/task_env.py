@@ -1,5 +1,6 @@
 """What every Gymnasium env of a robot with a task has, simulated or real."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 
 import gymnasium
@@ -8,7 +9,7 @@ from gymnasium import spaces
 
 from dntorch.body import Body
 from dntorch.envs.sensors import observation_space
-from dntorch.envs.task import SequenceTask
+from dntorch.envs.task import SequenceTask, TaskState
 from dntorch.quantities import check_kind, per_second
 
 
@@ -42,3 +43,15 @@ class TaskEnv(gymnasium.Env):
     def dt(self) -> float:
         """s, one control step."""
         return self.task.dt
+
+    @abstractmethod
+    def sense(self, name: str) -> np.ndarray:
+        """One entry of an observation at this moment."""
+
+    def observe(self) -> dict[str, np.ndarray]:
+        """The observation at this moment; looking changes nothing."""
+        return {name: self.sense(name) for name in self.observation_space}
+
+    def lamp(self, state: TaskState) -> np.ndarray:
+        """How far the task is, as a sense: float32 ``(1,)``."""
+        return np.array([self.task.progress(state)], np.float32)

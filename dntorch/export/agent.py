@@ -21,6 +21,7 @@ UNITS = {
     "proximity": "infra-red readings ps0 to ps7, near is large",
     "wheels": "motor steps since the start, left wheel first, 1000 per turn",
     "match": "match of each behaviour, 0-1",
+    "lamp": "share of the rewarded sequence that is right so far, 0-1",
     "reward": "size of the reward signal, 1",
     "noise": "added to the values of actions, 1; zeros are exploitation",
 }

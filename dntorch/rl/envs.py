@@ -23,7 +23,7 @@ class WorldEnv(EnvBase):
     key           shape, dtype        meaning
     ============  ==================  =======================================================
     action        ``(*batch, k)``     as the world wants it: intentions, or wheel speeds
-    *its senses*  ``(*batch, ...)``   ``match``, ``image``, ``wheels``, ``proximity``
+    *its senses*  ``(*batch, ...)``   ``match``, ``image``, ``wheels``, ...
     found         ``(*batch,)`` int64  colour found in this step, or -1
     completed     ``(*batch,)`` bool  the sequence was completed in this step
     reward        ``(*batch, 1)``

@@ -58,7 +58,8 @@ def middles(share: torch.Tensor) -> list[float]:
 
 
 def compare(shape: str, seed: int, poses: np.ndarray) -> dict[str, float]:
-    ring, layout = Ring(block_shape=shape), draw_layout(16, len(PAPER), seed)
+    ring = Ring(block_shape=shape)
+    layout = draw_layout(ring, PAPER, seed)
     scene, camera = Scene(ring, DAYLIGHT), RingCamera(ring, DAYLIGHT, EPUCK, PAPER)
     scene.paint(PAINTS[layout])
     places = [standing(*pose) for pose in poses]

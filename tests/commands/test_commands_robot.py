@@ -204,6 +204,7 @@ def test_images_calibrate_colours(dntorch, tmp_path):
         (["emulate", "--pty", "--host", "127.0.0.1"], ["--host", "leave --host out"]),
         (["emulate", "--host", "192.0.2.1"], ["--host=192.0.2.1", "name another"]),
         (["emulate", "--colors", "RX"], ["RX", "ROYGCBVM"]),
+        (["emulate", "--colors", "GBC", "--missing", "V"], ["missing='V'", "give letters"]),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_line_and_exit_code_2(arguments, names, dntorch, trained, tmp_path):
@@ -216,6 +217,19 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, names, dntorch, traine
     assert len(error.strip().splitlines()) == 1, error
     for name in names:
         assert name in error
+
+
+def test_the_served_ring_has_the_colors_that_were_named(dntorch, monkeypatch):
+    rings = []
+    module = sys.modules["dntorch.commands.emulate"]
+    monkeypatch.setattr(module, "_watch", lambda emulator: rings.append(emulator.world))
+    for given in ([], ["--missing", "G"]):
+        code, printed, _ = dntorch("emulate", "--colors", "OGV", "--camera", "ideal", *given)
+        assert code == 0 and "steps, faults: none" in printed
+    full, missing = rings
+    assert full.colors == missing.colors == "OGV"
+    assert sorted(full.layout) == [0] * 4 + [1] * 4 + [2] * 4
+    assert sorted(missing.layout) == [0] * 6 + [2] * 6
 
 
 # ---------------------------------------------------------------- processes of their own

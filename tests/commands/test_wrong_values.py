@@ -37,6 +37,7 @@ WRONG = {
                   "tcp://h:1:2"],
     "--host": ["a..b", "", "a" * 70],
     "--colors": ["RX", "R", "RR", "", "R" * 1000],
+    "--missing": ["X", "BB", "b", "B,Y"],
     "--sequence": ["GX", "G", "GG", "", "GB" * 1000],
 }  # fmt: skip
 

@@ -93,7 +93,7 @@ def test_layouts_are_those_of_gymnasium_and_agents_have_their_own():
     world = RingWorld()
     random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(7)))
     expected = random.permutation(np.repeat(np.arange(4), 4)).tolist()
-    assert world.initial(seed=7).layout.tolist() == expected == draw_layout(16, 4, 7)
+    assert world.initial(seed=7).layout.tolist() == expected == draw_layout(Ring(), "RGBY", 7)
     many = world.initial([3], seed=7, agents=torch.arange(3)).layout.tolist()
     assert many[0] == expected and many[1] != many[2] != expected != many[1]
     assert many[2] == world.initial(seed=7, agents=2).layout.tolist()
@@ -233,7 +233,7 @@ def test_images_bearings_and_proximity_are_those_of_pybullet(shape, light):
 
     random, ring = np.random.default_rng(0), Ring(block_shape=shape)
     scene, camera = Scene(ring, light), RingCamera(ring, light, EPUCK, "RGBY")
-    layout = draw_layout(16, 4, 5)
+    layout = draw_layout(ring, "RGBY", 5)
     paints = np.array([colorsys.hsv_to_rgb(HUES[letter] / 360, 1, 1) for letter in "RGBY"])
     scene.paint(paints[layout])
     for k in range(24):
