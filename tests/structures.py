@@ -13,12 +13,17 @@ from dntorch.cells.field import FieldState
 from dntorch.cells.kernels import Gauss
 from dntorch.dynamics import Dynamics
 from dntorch.modules.behaviors import ElementaryBehaviors
+from dntorch.modules.constraints import Constraints
+from dntorch.modules.curiosity import Curiosity
+from dntorch.modules.dissatisfaction import Dissatisfaction
 from dntorch.modules.field import DNF
 from dntorch.modules.find_color import FindColor
+from dntorch.modules.habituation import Habituation
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.learner import Learner, LearnerState
 from dntorch.modules.node import NodeWTA
 from dntorch.modules.opposition import ValueOpposition
+from dntorch.modules.recall import Recall
 from dntorch.modules.repertoire import Repertoire
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.modules.sensorimotor import Direct, Sensorimotor
@@ -128,6 +133,27 @@ class Pair(Dynamics[PairState]):
         )
 
 
+def patient():
+    return ElementaryBehaviors(N, dissatisfaction=Dissatisfaction(N, patience=0.5))
+
+
+def beyond():
+    """An agent with every part that it may have."""
+    return DNSarsa(
+        N,
+        behaviors=patient(),
+        recall=Recall(N),
+        habituation=Habituation(N, 2),
+        constraints=Constraints(N, states=N * N),
+        curiosity=Curiosity(N, 3),
+    )
+
+
+def progress(batch, generator):
+    return found(batch, generator) | {"lamp": torch.rand((*batch, 1), generator=generator)}
+
+
+BEYOND = ("learner.values.weights", "constraints.suppression", "curiosity.weights")
 PAIR = ("left.values.weights", "right.values.weights")
 PAIRS, AGENT = (N, N), ("learner.values.weights",)
 CASES = {
@@ -142,9 +168,20 @@ CASES = {
     "HebbianQ": Case(
         lambda: HebbianQ(N), (unit(*PAIRS), unit(*PAIRS), signed(), unit()), ("weights",)
     ),
-    "ValueNodes": Case(lambda: ValueNodes(N), (unit(N), signed(*PAIRS), unit(N))),
+    "ValueNodes": Case(lambda: ValueNodes(N), (unit(N), signed(*PAIRS), unit(N), unit(N))),
     "ElementaryBehaviors": Case(lambda: ElementaryBehaviors(N), (unit(N), unit(N))),
+    "ElementaryBehaviors, patient": Case(patient, (unit(N), unit(N))),
     "Learner": Case(lambda: Learner(N), (unit(N), unit(N), unit()), ("values.weights",)),
+    "Learner, many states": Case(
+        lambda: Learner(N, states=N * N), (unit(N), unit(N * N), unit()), ("values.weights",)
+    ),
+    "Recall": Case(lambda: Recall(N, 2), (unit(N),)),
+    "Habituation": Case(lambda: Habituation(N, 2), (unit(N), unit(N))),
+    "Dissatisfaction": Case(lambda: Dissatisfaction(N, patience=0.5), (unit(N),)),
+    "Constraints": Case(
+        lambda: Constraints(N), (unit(N), unit(N), unit(N), signed(*PAIRS)), ("suppression",)
+    ),
+    "Curiosity": Case(lambda: Curiosity(N, 3), (unit(N), unit(1)), ("weights",)),
     "FindColor": Case(small_camera, (photo, unit(N))),
     "Direct": Case(Direct, (some(match=unit(N)), unit(N))),
     "Repertoire": Case(mixed, (both, unit(N))),
@@ -156,6 +193,7 @@ CASES = {
         lambda: DNSarsa(N, small_camera()), (photo, unit(), strong(N)), AGENT
     ),
     "DNSarsa, Repertoire": Case(lambda: DNSarsa(N, mixed()), (both, unit(), strong(N)), AGENT),
+    "DNSarsa, beyond": Case(beyond, (progress, unit(), strong(N)), BEYOND),
     "a composite of composites": Case(Pair, (unit(N), unit(N), unit()), PAIR),
     "a number as tensor": Case(lambda: NodeWTA(N, tau=torch.tensor(0.2), h=-5), (strong(N),)),
 }

@@ -37,8 +37,9 @@ def habituation_step(
     return spent + dt * ((1 - spent) * use - spent / recovery)
 
 
-def freshness(number: Tensor, spent: Tensor) -> Tensor:
+@either
+def freshness(number: Tensor, spent: Tensor, sharpness: Number) -> Tensor:
     """What is left of the transmitters in this context, ``(*batch, n)``; 1 where there is none."""
     row = number.clamp_min(0)[..., None, None].expand(number.shape + (1, spent.shape[-1]))
-    left = 1 - spent.gather(-2, row).squeeze(-2)
+    left = (1 - spent.gather(-2, row).squeeze(-2)) ** sharpness
     return torch.where((number < 0).unsqueeze(-1), torch.ones_like(left), left)

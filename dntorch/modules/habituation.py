@@ -26,7 +26,7 @@ class Habituation(Dynamics[HabituationState]):
 
     .. math::
         \dot s_{ci} = \frac{1 - s_{ci}}{\tau_f} C_c I_i - \frac{s_{ci}}{\tau_r}, \qquad
-        g_i = 1 - \sum_c C_c s_{ci}
+        g_i = \Big(1 - \sum_c C_c s_{ci}\Big)^p
 
     ================  ==============  ====  ===================================================
     symbol            here            unit  meaning
@@ -38,6 +38,7 @@ class Habituation(Dynamics[HabituationState]):
     :math:`g`         output          1     how fresh a behaviour is here, 1 if it was never tried
     :math:`\tau_f`    ``fatigue``     s     time constant of the spending, while a behaviour runs
     :math:`\tau_r`    ``recovery``    s     time constant of the recovery
+    :math:`p`         ``sharpness``   1     how little one counts that is half recovered
     ================  ==============  ====  ===================================================
 
     The noise of exploration, multiplied by the output, tries what was not tried in this context,
@@ -49,7 +50,7 @@ class Habituation(Dynamics[HabituationState]):
     Spent transmitters are activation, not long-term memory: ``reset`` makes all fresh. Until
     ``order`` behaviours were completed there is no context, and all are fresh.
 
-    ``fatigue`` and ``recovery`` may be tensors ``(*batch,)``, one number per agent.
+    ``fatigue``, ``recovery`` and ``sharpness`` may be tensors ``(*batch,)``, one number per agent.
 
     Shapes: ``intention`` and ``satisfaction`` (firing rates) and output (freshness after the step)
     ``(*batch, n)``; ``spent`` has ``n ** order`` times n cells.
@@ -71,7 +72,7 @@ class Habituation(Dynamics[HabituationState]):
     >>> for _ in range(64):  # behaviour 1 runs after behaviour 0 was completed
     ...     fresh = habituation(torch.eye(3)[1], torch.eye(3)[0])
     >>> [round(each, 2) for each in fresh.tolist()]
-    [1.0, 0.02, 1.0]
+    [1.0, 0.0, 1.0]
     >>> habituation(torch.zeros(3), torch.eye(3)[2]).tolist()  # after another one it is fresh
     [1.0, 1.0, 1.0]
     """
@@ -83,7 +84,8 @@ class Habituation(Dynamics[HabituationState]):
         n: int,
         order: int = 4,
         fatigue: Number = 0.5,
-        recovery: Number = 600.0,
+        recovery: Number = 1200.0,
+        sharpness: Number = 3.0,
         recall: Recall | None = None,
         dt: float = 1 / 32,
     ) -> None:
@@ -97,12 +99,13 @@ class Habituation(Dynamics[HabituationState]):
                 f"give at most order={deepest(n, MOST_CELLS) - 1}"
             )
         self.n, self.order, self.cells = n, order, n**order
-        self.fatigue, self.recovery = fatigue, recovery
+        self.fatigue, self.recovery, self.sharpness = fatigue, recovery, sharpness
         self.recall = recall or Recall(n, max(order - 1, 0), dt=dt)
 
     def check(self) -> None:
         check_time_constant("fatigue", self.fatigue, self.dt)
         check_time_constant("recovery", self.recovery, self.dt)
+        check_positive("sharpness", self.sharpness)
         check_positive("1 / dt - 1 / fatigue - 1 / recovery", self._room(), "take a smaller dt")
         check_parts(self, self.n)
         if self.recall.depth != max(self.order - 1, 0):
@@ -126,7 +129,7 @@ class Habituation(Dynamics[HabituationState]):
 
     def fresh(self, satisfaction: Tensor, state: HabituationState) -> Tensor:
         """How fresh each behaviour is in the present context, ``(*batch, n)``."""
-        return freshness(self.context(satisfaction, state), state.spent)
+        return freshness(self.context(satisfaction, state), state.spent, wide(self.sharpness, 1))
 
     def step(
         self, intention: Tensor, satisfaction: Tensor, state: HabituationState

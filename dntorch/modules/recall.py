@@ -130,6 +130,12 @@ class Recall(Dynamics[RecallState]):
 
     def relax(self, satisfaction: Tensor, output: Tensor, state: RecallState) -> RecallState:
         """`euler` for a composite that knows the output already."""
+        given, batch = list(satisfaction.shape[:-1]), list(output.shape[:-2])
+        if given != batch:
+            raise ValueError(
+                f"satisfaction of batch {given} does not fit the batch {batch}: call "
+                "resize(*batch) with the batch of the inputs first"
+            )
         gains = wide(self.h, 2), wide(self.excitation, 2), wide(self.inhibition, 2)
         pulses = wide(self.pulse_gain, 2), self.pulse_threshold
         taus = wide(self.tau, 2), wide(self.tau_pulse, 2)

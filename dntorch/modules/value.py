@@ -97,7 +97,8 @@ class ValueNodes(Dynamics[ValueState]):
         available: Tensor,
         state: ValueState,
     ) -> ValueState:
-        check_ends("weights", weights, [self.n, context.shape[-1]])
+        check_ends("weights", weights, [self.n, weights.shape[-1]])
+        check_ends("context", context, [weights.shape[-1]])
         check_ends("noise", noise, [self.n])
         check_ends("available", available, [self.n])
         preference = self.ladder * wide(self.baseline, 1)

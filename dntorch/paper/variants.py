@@ -62,10 +62,15 @@ class PrintedValueNodes(ValueNodes):
     """Value nodes as printed: integrators without a leak, which are normalised afterwards."""
 
     def euler(
-        self, satisfaction: Tensor, weights: Tensor, noise: Tensor, state: ValueState
+        self,
+        context: Tensor,
+        weights: Tensor,
+        noise: Tensor,
+        available: Tensor,
+        state: ValueState,
     ) -> ValueState:
         others = weights * (1 - torch.eye(self.n))
-        input = torch.matmul(others, satisfaction.unsqueeze(-1)).squeeze(-1) + noise
+        input = torch.matmul(others, context.unsqueeze(-1)).squeeze(-1) + noise
         value = state.value + self.dt / wide(self.tau, 1) * input
         return ValueState(value / value.sum(-1, keepdim=True))
 

@@ -349,6 +349,12 @@ def test_values_that_do_not_fit_a_batch_say_what_to_do():
 BASE, NONE = f64([1e-3, 1.1e-3, 1.2e-3]), f64([0.0, 0.0, 0.0])
 
 
+def values_of(satisfaction, weights, noise, sharpness):
+    """Of the actions but the finished one."""
+    available = satisfaction <= 0.5
+    return normalized_values(satisfaction, weights, noise, available, BASE, sharpness)
+
+
 @patient
 @given(
     satisfaction=st.lists(share, min_size=3, max_size=3).map(f64),
@@ -356,7 +362,7 @@ BASE, NONE = f64([1e-3, 1.1e-3, 1.2e-3]), f64([0.0, 0.0, 0.0])
     noise=st.lists(st.floats(-5, 5), min_size=3, max_size=3).map(f64),
 )
 def test_the_best_has_one_and_a_finished_one_nothing(satisfaction, weights, noise):
-    values = normalized_values(satisfaction, weights, noise, BASE, 8.0)
+    values = values_of(satisfaction, weights, noise, 8.0)
     state = satisfaction > 0.5
     assert (values[state] == 0).all() and values.max() == (0 if state.all() else 1)
     learned = (weights @ state.double() + noise).clamp_min(0) + BASE
@@ -368,38 +374,37 @@ def test_the_best_has_one_and_a_finished_one_nothing(satisfaction, weights, nois
 @pytest.mark.parametrize("weight", [0.0, -1.0])
 def test_values_where_nothing_good_was_learned_are_the_innate_preference(weight):
     weights = f64(weight).expand(3, 3)
-    values = normalized_values(f64([0.001, 0.001, 0.001]), weights, NONE, BASE, 1.0)
+    values = values_of(f64([0.001, 0.001, 0.001]), weights, NONE, 1.0)
     torch.testing.assert_close(values, BASE / BASE.max())
-    values = normalized_values(f64([0.001, 0.999, 0.001]), weights, NONE, BASE, 1.0)
+    values = values_of(f64([0.001, 0.999, 0.001]), weights, NONE, 1.0)
     torch.testing.assert_close(values, f64([1.0, 0.0, 1.2]) / 1.2)  # the finished one has none
 
 
 def test_values_read_the_column_of_the_current_state():
     weights = f64([[0.0, 5.0, 1.0], [3.0, 0.0, 1.0], [1.0, 5.0, 0.0]])
-    values = normalized_values(f64([0.99, 0.01, 0.01]), weights, NONE, BASE, 2.0)
+    values = values_of(f64([0.99, 0.01, 0.01]), weights, NONE, 2.0)
     expected = f64([0.0, 3.0, 1.0]) + BASE * f64([0.0, 1.0, 1.0])
     torch.testing.assert_close(values, (expected / expected.max()) ** 2)
 
 
 def test_noise_decides_before_there_is_a_state():
     noise = f64([1.0, 9.0, 4.0])
-    values = normalized_values(
-        f64([0.001, 0.001, 0.001]), torch.zeros(3, 3).double(), noise, BASE, 1.0
-    )
+    values = values_of(f64([0.001, 0.001, 0.001]), torch.zeros(3, 3).double(), noise, 1.0)
     torch.testing.assert_close(values, (noise + BASE) / (9 + BASE[1]))
 
 
 def test_resting_nodes_are_no_state():
     """However many they are and whatever their values."""
     rest = abs_sigmoid(torch.full((3,), -5.0, dtype=torch.float64), 100.0, 0.0)
-    values = normalized_values(rest, 10 * torch.ones(3, 3, dtype=torch.float64), NONE, BASE, 1.0)
+    values = values_of(rest, 10 * torch.ones(3, 3, dtype=torch.float64), NONE, 1.0)
     torch.testing.assert_close(values, BASE / BASE.max())
 
 
 def test_values_ignore_the_diagonal():
     nodes = ValueNodes(3)
+    state = torch.tensor([1.0, 0.0, 0.0])
     for _ in range(64):
-        value = nodes(torch.tensor([1.0, 0.0, 0.0]), 100 * torch.eye(3), torch.zeros(3))
+        value = nodes(state, 100 * torch.eye(3), torch.zeros(3), 1 - state)
     assert value[0] == 0 and value[2] == pytest.approx(1)
 
 
@@ -571,7 +576,7 @@ def test_value_nodes_without_a_leak_diverge():
     printed, state = torch.zeros(3, dtype=torch.float64), ValueState(f64([0.0, 0.0, 0.0]))
     for _ in range(32 * 60):
         printed = printed + 1 / 32 / 0.1 * weights @ satisfaction
-        state = value_step(satisfaction, weights, NONE, state, BASE, 8.0, 0.1, 1 / 32)
+        state = value_step(satisfaction, weights, NONE, satisfaction < 0.5, state, BASE, 8.0, 0.1, 1 / 32)
     assert printed.max() > 1000
     assert state.value.max() == pytest.approx(1)
 
@@ -580,8 +585,9 @@ def test_plain_normalization_divides_zero_by_zero_at_the_start():
     sums = torch.zeros(3, 3) @ torch.tensor([1.0, 0.0, 0.0])
     assert (sums / sums.sum()).isnan().all()
     nodes = ValueNodes(3)
+    state = torch.tensor([1.0, 0.0, 0.0])
     for _ in range(64):
-        value = nodes(torch.tensor([1.0, 0.0, 0.0]), torch.zeros(3, 3), torch.zeros(3))
+        value = nodes(state, torch.zeros(3, 3), torch.zeros(3), 1 - state)
     assert value.max() == pytest.approx(1) and value.argmax() == 2
 
 
@@ -690,8 +696,9 @@ def torch_opposition(x):
 
 
 def torch_value(x):
-    satisfaction, noise = f64([0.9, 0.1, 0.2]), f64(NOISE)
-    return value_rate(satisfaction, f64(VALUES), noise, ValueState(x), BASE, 3.0, 0.1).value
+    state, noise = f64([0.9, 0.1, 0.2]), f64(NOISE)
+    inputs = state, f64(VALUES), noise, state < 0.5
+    return value_rate(*inputs, ValueState(x), BASE, 3.0, 0.1).value
 
 
 PROBLEMS = {

@@ -82,7 +82,7 @@ CASES: dict[str, tuple[Callable[[], Dynamics], tuple[Callable, ...]]] = {
     "ItemOrderWM": (lambda: dntorch.ItemOrderWM(N), (unit(*PAIRS),)),
     "ValueOpposition": (lambda: dntorch.ValueOpposition(N), (unit(*PAIRS),) * 3),
     "HebbianQ": (lambda: dntorch.HebbianQ(N), (unit(*PAIRS), unit(*PAIRS), unit(), unit())),
-    "ValueNodes": (lambda: dntorch.ValueNodes(N), (unit(N), unit(*PAIRS), unit(N))),
+    "ValueNodes": (lambda: dntorch.ValueNodes(N), (unit(N), unit(*PAIRS), unit(N), unit(N))),
     "ElementaryBehaviors": (lambda: dntorch.ElementaryBehaviors(N), (unit(N), unit(N))),
     "Learner": (lambda: dntorch.Learner(N), (unit(N), unit(N), unit())),
     "Direct": (dntorch.Direct, (seen(match=unit(N)), unit(N))),

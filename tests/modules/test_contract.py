@@ -50,7 +50,7 @@ def test_a_step_moves_every_part_of_the_state(case):
     before = module.flat(module.state)
     for inputs in stream(case, 20):
         module(*inputs)
-    stay = {"ignored"}  # since all is finite
+    stay = {"ignored", "failures"}  # since all is finite, and nothing waits long enough
     if isinstance(inputs[0], dict) and "image" in inputs[0]:
         stay.add("decisions")  # an arbitrary image satisfies no behaviour
     for name, new in module.flat(module.state).items():
@@ -374,7 +374,7 @@ def test_an_input_that_would_broadcast_in_silence_is_refused(case):
     module = case.build()
     (given,) = stream(case, 1)
     for k, whole in enumerate(given):
-        if isinstance(whole, Tensor) and whole.dim():
+        if isinstance(whole, Tensor) and whole.dim() and whole.shape[-1] > 1:
             one = [*given[:k], whole[..., :1], *given[k + 1 :]]
             with pytest.raises(ValueError, match=r"of shape \["):
                 module(*one)
