@@ -16,12 +16,18 @@ if TYPE_CHECKING:
     from dntorch.cells.kernels import Gauss, Global, Matrices
     from dntorch.dynamics import Dynamics
     from dntorch.modules.behaviors import ElementaryBehaviors
+    from dntorch.modules.constraints import Constraints
+    from dntorch.modules.curiosity import Curiosity
+    from dntorch.modules.deliberation import Deliberation
+    from dntorch.modules.dissatisfaction import Dissatisfaction
     from dntorch.modules.field import DNF
     from dntorch.modules.find_color import FindColor
+    from dntorch.modules.habituation import Habituation
     from dntorch.modules.hebbian import HebbianQ
     from dntorch.modules.learner import Learner
     from dntorch.modules.node import NodeWTA
     from dntorch.modules.opposition import ValueOpposition
+    from dntorch.modules.recall import Recall
     from dntorch.modules.repertoire import Repertoire
     from dntorch.modules.sarsa import DNSarsa
     from dntorch.modules.sensorimotor import Direct, Sensorimotor
@@ -35,21 +41,27 @@ else:  # the same, later
     __getattr__, __dir__ = later(
         __name__,
         {
+            "Constraints": "modules.constraints",
+            "Curiosity": "modules.curiosity",
             "DNF": "modules.field",
             "DNSarsa": "modules.sarsa",
+            "Deliberation": "modules.deliberation",
             "Direct": "modules.sensorimotor",
+            "Dissatisfaction": "modules.dissatisfaction",
             "Dynamics": "dynamics",
             "ElementaryBehaviors": "modules.behaviors",
             "Exploration": "noise",
             "FindColor": "modules.find_color",
             "Gauss": "cells.kernels",
             "Global": "cells.kernels",
+            "Habituation": "modules.habituation",
             "HebbianQ": "modules.hebbian",
             "ItemOrderWM": "modules.working_memory",
             "Learner": "modules.learner",
             "Matrices": "cells.kernels",
             "NodeWTA": "modules.node",
             "Number": "number",
+            "Recall": "modules.recall",
             "Repertoire": "modules.repertoire",
             "Sensorimotor": "modules.sensorimotor",
             "TPCell": "modules.transient",
@@ -60,21 +72,27 @@ else:  # the same, later
     )
 
 __all__ = [
+    "Constraints",
+    "Curiosity",
     "DNF",
     "DNSarsa",
+    "Deliberation",
     "Direct",
+    "Dissatisfaction",
     "Dynamics",
     "ElementaryBehaviors",
     "Exploration",
     "FindColor",
     "Gauss",
     "Global",
+    "Habituation",
     "HebbianQ",
     "ItemOrderWM",
     "Learner",
     "Matrices",
     "NodeWTA",
     "Number",
+    "Recall",
     "Repertoire",
     "Sensorimotor",
     "TPCell",

@@ -45,25 +45,25 @@ def check_colors(colors: str) -> str:
     return colors
 
 
-def check_sequence(sequence: str, colors: str) -> str:
+def check_sequence(sequence: str, colors: str, name: str = "sequence") -> str:
     """Return ``sequence`` if behaviours that find ``colors`` can execute it.
 
     A behaviour never follows itself (it is finished: its condition of satisfaction
-    inhibits it), so a letter may return but not at once.
+    inhibits it), so a letter may return but not at once. ``name`` is what to call it.
     """
-    _check_text("sequence", sequence)
+    _check_text(name, sequence)
     missing = [letter for letter in sequence if letter not in colors]
     if missing:
         raise ValueError(
-            f"sequence={sequence!r} has the letter {missing[0]!r}, which colors={colors!r} lacks: "
+            f"{name}={sequence!r} has the letter {missing[0]!r}, which colors={colors!r} lacks: "
             "use letters of colors"
         )
     if len(sequence) < 2:
-        raise ValueError(f"sequence={sequence!r} is too short: give at least two letters")
+        raise ValueError(f"{name}={sequence!r} is too short: give at least two letters")
     for first, second in zip(sequence, sequence[1:]):
         if first == second:
             raise ValueError(
-                f"sequence={sequence!r} repeats {first!r} at once: a behaviour cannot follow "
+                f"{name}={sequence!r} repeats {first!r} at once: a behaviour cannot follow "
                 "itself, put another letter between"
             )
     return sequence

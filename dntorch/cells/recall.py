@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.functions import heaviside
-from dntorch.cells.node import NodeState, node_target
+from dntorch.cells.node import node_target
 from dntorch.cells.transient import TransientState, transient_step
 from dntorch.number import Number, either
 

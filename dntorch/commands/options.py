@@ -10,7 +10,7 @@ from click.core import ParameterSource
 
 from dntorch.colors import HUES, check_colors, check_sequence
 from dntorch.commands.kinds import OLD_FILE, Number, Parsed, whole
-from dntorch.runs.config import FIELDS, LONGEST, Config, check_setting
+from dntorch.runs.config import AUTONOMOUS, FIELDS, LONGEST, Config, check_setting
 from dntorch.runs.settings import read_settings
 
 
@@ -26,7 +26,7 @@ def options_of_a_run(without: tuple[str, ...] = (), **defaults: Any) -> Callable
         for name, field in reversed(FIELDS.items()):
             if name not in without:
                 function = _option(field, defaults.get(name, field.default))(function)
-        return _FILE(function)
+        return _AUTONOMOUS(_FILE(function))
 
     return decorate
 
@@ -34,12 +34,16 @@ def options_of_a_run(without: tuple[str, ...] = (), **defaults: Any) -> Callable
 def build_config(file: Path | None, values: Mapping[str, Any]) -> Config:
     """The config of a run whose options came from the command line and from ``file``.
 
-    Of a run shorter than the default exploration, half is exploration unless it was said.
+    Of a run shorter than the default exploration, half is exploration unless it was said. An
+    autonomous one has no phases: all of it is.
     """
     context = click.get_current_context(silent=True)
     unsaid = context and context.get_parameter_source("explore") is ParameterSource.DEFAULT
-    if unsaid and values["explore"] > values["steps"]:
-        values = {**values, "explore": values["steps"] // 2}
+    autonomous, values = values.get("autonomous"), {k: values[k] for k in FIELDS if k in values}
+    if unsaid and autonomous:
+        values["explore"] = values["steps"]
+    elif unsaid and values["explore"] > values["steps"]:
+        values["explore"] = values["steps"] // 2
     try:
         return Config(**values)
     except ValueError as error:
@@ -82,19 +86,50 @@ def _colors(text: str) -> str:
     return check_colors(text)
 
 
+def _missing(text: str) -> str:
+    if set(text) - set(HUES):
+        raise ValueError(f"give letters of {''.join(HUES)}")
+    return text
+
+
 def _sequence(text: str) -> str:
     check_setting("sequence", text)
     return check_sequence(text, "".join(HUES))  # of these colours: once they are known
 
 
+def _none_or(parse: Callable[[str], str]) -> Parsed:
+    return Parsed(lambda text: parse(text) if text else "")
+
+
 COLORS = Parsed(_colors)
-LETTERS = {"colors": COLORS, "sequence": Parsed(_sequence)}
+LETTERS = {
+    "colors": COLORS, "sequence": Parsed(_sequence), "then": _none_or(_sequence),
+    "missing": _none_or(_missing),
+}  # fmt: skip
 
 
 def _take_defaults(context: click.Context, _: click.Parameter, file: Path | None) -> Path | None:
     if file is not None:
-        context.default_map = read_settings(file)
+        context.default_map = {**(context.default_map or {}), **read_settings(file)}
     return file
+
+
+def _take_set(context: click.Context, _: click.Parameter, on: bool) -> bool:
+    """The set of an autonomous agent, below what a file says."""
+    if on:
+        context.default_map = {**AUTONOMOUS, **(context.default_map or {})}
+    return on
+
+
+SET = ", ".join(f"--{name.replace('_', '-')} {value}" for name, value in AUTONOMOUS.items())
+
+_AUTONOMOUS = click.option(
+    "--autonomous",
+    is_flag=True,
+    is_eager=True,
+    callback=_take_set,
+    help=f"An agent without phases: {SET}, --explore as long as --steps.",
+)
 
 
 COMPILE = click.option(

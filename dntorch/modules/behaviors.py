@@ -5,6 +5,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from dntorch.cells.functions import came_on
 from dntorch.cells.node import NodeState
 from dntorch.checks import check_count, check_ends, check_positive
 from dntorch.dynamics import Dynamics, check_parts
@@ -122,6 +123,10 @@ class ElementaryBehaviors(Dynamics[BehaviorState]):
         if self.dissatisfaction is None:
             return torch.zeros_like(state.intention.u)
         return self.dissatisfaction.output(self.dissatisfaction.nested(state.dissatisfaction))
+
+    def failed(self, before: BehaviorState, after: BehaviorState) -> Tensor:
+        """Whether a CoD node came on between two states, ``(*batch,)``."""
+        return came_on(self.failing(before), self.failing(after)).any(-1)
 
     def euler(self, value: Tensor, match: Tensor, state: BehaviorState) -> BehaviorState:
         return self.relax(value, match, self.output(state), state)

@@ -129,9 +129,7 @@ class Curiosity(Dynamics[CuriosityState]):
         state = self.euler(intention, brightness, state)
         return self.value(brightness, state), state
 
-    def euler(
-        self, intention: Tensor, brightness: Tensor, state: CuriosityState
-    ) -> CuriosityState:
+    def euler(self, intention: Tensor, brightness: Tensor, state: CuriosityState) -> CuriosityState:
         check_ends("intention", intention, [self.n])
         check_ends("brightness", brightness, [1])
         pairs = coincidence(intention, self.level(brightness), self.everywhere, 0.5)

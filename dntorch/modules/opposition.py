@@ -40,7 +40,8 @@ class ValueOpposition(Dynamics[OppositionState]):
     All numbers may be tensors ``(*batch,)``, one number per agent.
 
     Shapes: ``pulse``, ``trace``, ``weights`` ``(*batch, n, states)``, output (v after the step)
-    ``(*batch,)``; ``states`` is n unless given. State: ``OppositionState(opposition, error)``, 0 at rest.
+    ``(*batch,)``; ``states`` is n unless given.
+    State: ``OppositionState(opposition, error)``, 0 at rest.
 
     Raises:
         ValueError: ``dt`` longer than a time constant, ``discount`` outside [0, 1], a

@@ -110,7 +110,9 @@ class Recall(Dynamics[RecallState]):
             "excitation + h", self.excitation + self.h, "or nodes go off when their pulse ends"
         )
         check_positive(
-            "pulse_gain", self.pulse_gain - self.inhibition + self.h, "give more than inhibition - h"
+            "pulse_gain",
+            self.pulse_gain - self.inhibition + self.h,
+            "give more than inhibition - h",
         )
 
     def initial(self, batch: list[int]) -> RecallState:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.cells.functions import came_on, differ, finite, is_on
+from dntorch.cells.functions import came_on, differ, finite
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.value import ValueState
 from dntorch.checks import check_count, check_ends
@@ -14,6 +14,7 @@ from dntorch.memory import counted
 from dntorch.modules.behaviors import BehaviorState, ElementaryBehaviors
 from dntorch.modules.constraints import Constraints
 from dntorch.modules.curiosity import Curiosity
+from dntorch.modules.deliberation import Deliberation, DeliberationState, check_states_fit
 from dntorch.modules.habituation import Habituation
 from dntorch.modules.learner import Learner, LearnerState
 from dntorch.modules.recall import Recall
@@ -26,11 +27,7 @@ class AgentState(NamedTuple):
     behaviors: BehaviorState
     value_nodes: ValueState
     learner: LearnerState
-    recall: dict[str, Tensor]
-    """Of a part that an agent may have, by name; empty without it, as the next three."""
-    habituation: dict[str, Tensor]
-    constraints: dict[str, Tensor]
-    curiosity: dict[str, Tensor]
+    deliberation: DeliberationState
     decisions: Tensor
     """Number of behaviours that ended in an agent's life, ``(*batch,)``, int64: one decision
     follows each, with noise of its own. It begins at 0 after `forget`, and where `resize` makes
@@ -53,7 +50,8 @@ class DNSarsa(Dynamics[AgentState]):
                                                                           reward
 
     Every part reads the activation of time t, then all are updated (synchronous Euler with
-    ``substeps`` inside a control step, or Heun).
+    ``substeps`` inside a control step, or Heun). Parts that the paper has not go before the value
+    nodes (`Deliberation`).
 
     Args:
         n: number of behaviours.
@@ -61,6 +59,11 @@ class DNSarsa(Dynamics[AgentState]):
             by default `Direct`.
         behaviors, value_nodes, learner: parts with other parameters than the defaults;
             their ``dt`` must be ``dt / substeps``.
+        recall: makes a state of more completions than the last.
+        habituation: lets noise try what is fresh.
+        constraints: learn from failures what does not follow; ``behaviors`` need a
+            `Dissatisfaction` for it.
+        curiosity: learns what makes a lamp brighter, which the world shows as ``lamp``.
         dt: seconds a control step.
         substeps: integrator steps in a control step, with the same inputs.
         integrator: ``"euler"`` or ``"heun"``.
@@ -130,51 +133,28 @@ class DNSarsa(Dynamics[AgentState]):
         self.sensorimotor = sensorimotor or Direct(dt=fine)
         self.behaviors = behaviors or ElementaryBehaviors(n, dt=fine)
         self.value_nodes = value_nodes or ValueNodes(n, dt=fine)
-        states = n if recall is None else recall.states
-        self.learner = learner or Learner(n, states=states, dt=fine)
-        self.recall, self.habituation = recall, habituation
-        self.constraints, self.curiosity = constraints, curiosity
+        given = recall, habituation, constraints, curiosity
+        self.deliberation = Deliberation(n, *given, dt=fine)
+        self.learner = learner or Learner(n, states=self.deliberation.states, dt=fine)
         for name in self.lasting:
             self.register_buffer(name, torch.zeros((), dtype=torch.int64), persistent=False)
 
     def check(self) -> None:
         check_parts(self, self.n)
-        states = self.n if self.recall is None else self.recall.states
-        for name in ("learner", "constraints"):
-            part = getattr(self, name)
-            if part is not None and part.states != states:
-                raise ValueError(
-                    f"{name}.states={part.states} does not fit: build the part with "
-                    f"states={states}, " + ("or give a recall" if self.recall is None else "as recall")
-                )
-        if self.constraints is not None and self.behaviors.dissatisfaction is None:
+        check_states_fit("learner", self.learner.states, self.deliberation.states)
+        if self.deliberation.constraints is not None and self.behaviors.dissatisfaction is None:
             raise ValueError(
-                "constraints need failures: give behaviors=ElementaryBehaviors(n, "
-                "dissatisfaction=Dissatisfaction(n))"
+                "constraints learn from failures, and no intention fails: give behaviors="
+                "ElementaryBehaviors(n, dissatisfaction=Dissatisfaction(n))"
             )
 
     def initial(self, batch: list[int]) -> AgentState:
-        recall: dict[str, Tensor] = {}
-        habituation: dict[str, Tensor] = {}
-        constraints: dict[str, Tensor] = {}
-        curiosity: dict[str, Tensor] = {}
-        if self.recall is not None:
-            recall = self.recall.flat(self.recall.initial(batch))
-        if self.habituation is not None:
-            habituation = self.habituation.flat(self.habituation.initial(batch))
-        if self.constraints is not None:
-            constraints = self.constraints.flat(self.constraints.initial(batch))
-        if self.curiosity is not None:
-            curiosity = self.curiosity.flat(self.curiosity.initial(batch))
         return AgentState(
             self.sensorimotor.flat(self.sensorimotor.initial(batch)),
             self.behaviors.initial(batch),
             self.value_nodes.initial(batch),
             self.learner.initial(batch),
-            recall,
-            habituation,
-            constraints,
-            curiosity,
+            self.deliberation.initial(batch),
             counted(self.decisions, batch),
             counted(self.failures, batch),
             counted(self.ignored, batch),
@@ -183,8 +163,9 @@ class DNSarsa(Dynamics[AgentState]):
     @property
     def senses(self) -> tuple[str, ...]:
         """Names in an observation that the agent reads."""
-        lamp = () if self.curiosity is None else ("lamp",)
-        return tuple(dict.fromkeys((*self.sensorimotor.senses, *lamp)))
+        curious = self.deliberation.curiosity is not None
+        lamp = ("lamp",) if curious and "lamp" not in self.sensorimotor.senses else ()
+        return (*self.sensorimotor.senses, *lamp)
 
     @property
     def weights(self) -> Tensor:
@@ -225,7 +206,7 @@ class DNSarsa(Dynamics[AgentState]):
                 bad = bad | differ(value, seen[name], batch)
             else:
                 seen[name] = value
-        before, failing = self.behaviors.output(state.behaviors), state.behaviors
+        start, before = state.behaviors, self.behaviors.output(state.behaviors)
         rates = before
         for _ in range(self.substeps):
             ahead = self.substep(seen, reward, noise, rates, state)
@@ -235,21 +216,16 @@ class DNSarsa(Dynamics[AgentState]):
                 ahead = self.halfway(state, further)
             state = ahead
             rates = self.behaviors.output(state.behaviors)
-        ended = came_on(before[1], rates[1]).any(-1)
-        failures = state.failures
+        ended, failures = came_on(before[1], rates[1]).any(-1), state.failures
         if self.behaviors.dissatisfaction is not None:
-            was, now = self.behaviors.failing(failing), self.behaviors.failing(state.behaviors)
-            failed = came_on(was, now).any(-1)
-            failures, ended = failures + failed, ended | failed
+            failed = self.behaviors.failed(start, state.behaviors)
+            ended, failures = ended | failed, failures + failed
         state = AgentState(
             state.sensorimotor,
             state.behaviors,
             state.value_nodes,
             state.learner,
-            state.recall,
-            state.habituation,
-            state.constraints,
-            state.curiosity,
+            state.deliberation,
             state.decisions + ended,
             failures,
             state.ignored + bad,
@@ -259,11 +235,11 @@ class DNSarsa(Dynamics[AgentState]):
     def sense(self, observation: dict[str, Tensor]) -> dict[str, Tensor]:
         """What the agent reads of an observation."""
         seen = self.sensorimotor.sense(observation)
-        if self.curiosity is not None:
+        if self.deliberation.curiosity is not None:
             if "lamp" not in observation:
                 raise ValueError(
-                    f"the observation lacks 'lamp', it has {list(observation.keys())}: ask the world "
-                    "for it, or leave curiosity out"
+                    f"the observation lacks 'lamp', it has {list(observation.keys())}: ask the "
+                    "world for it, or leave curiosity out"
                 )
             seen["lamp"] = observation["lamp"]
         return seen
@@ -281,30 +257,10 @@ class DNSarsa(Dynamics[AgentState]):
         ``rates`` is the output of the behaviours: firing rates of intentions and CoS nodes.
         """
         intention, satisfaction = rates
-        weights, context = state.learner.values.weights, satisfaction
-        available, tried = ~is_on(satisfaction), noise
-        recall, habituation = state.recall, state.habituation
-        constraints, curiosity = state.constraints, state.curiosity
-        if self.recall is not None:
-            recalling = self.recall.nested(recall)
-            recalled = self.recall.output(recalling)
-            context = self.recall.context(satisfaction, recalled)
-            recall = self.recall.flat(self.recall.relax(satisfaction, recalled, recalling))
-        if self.habituation is not None:
-            used = self.habituation.nested(habituation)
-            tried = tried * self.habituation.fresh(satisfaction, used)
-            used = self.habituation.euler(intention, satisfaction, used)
-            habituation = self.habituation.flat(used)
-        if self.curiosity is not None:
-            lamp, curious = observation["lamp"], self.curiosity.nested(curiosity)
-            tried = tried + self.curiosity.value(lamp, curious)
-            curiosity = self.curiosity.flat(self.curiosity.euler(intention, lamp, curious))
-        if self.constraints is not None:
-            held, failing = self.constraints.nested(constraints), self.behaviors.failing(state.behaviors)
-            available = available * self.constraints.allowed(context, held)
-            pulse = state.learner.pulses.pulse
-            held = self.constraints.euler(failing, context, satisfaction, pulse, held)
-            constraints = self.constraints.flat(held)
+        weights, pulse = state.learner.values.weights, state.learner.pulses.pulse
+        weighed = self.deliberation.weigh(satisfaction, noise, observation, state.deliberation)
+        context, tried, available = weighed
+        failing = self.behaviors.failing(state.behaviors)
         inner = self.sensorimotor.nested(state.sensorimotor)
         match = finite(self.sensorimotor.match(observation, inner)).clamp(-100.0, 100.0)
         inner = self.sensorimotor.advance(observation, intention, inner)
@@ -313,10 +269,9 @@ class DNSarsa(Dynamics[AgentState]):
             self.behaviors.relax(state.value_nodes.value, match, rates, state.behaviors),
             self.value_nodes.euler(context, weights, tried, available, state.value_nodes),
             self.learner.euler(intention, context, reward, state.learner),
-            recall,
-            habituation,
-            constraints,
-            curiosity,
+            self.deliberation.euler(
+                intention, satisfaction, failing, context, pulse, observation, state.deliberation
+            ),
             state.decisions,
             state.failures,
             state.ignored,

@@ -1,9 +1,16 @@
 """The agent of a run and the noise with which it explores."""
 
+from dntorch.modules.behaviors import ElementaryBehaviors
+from dntorch.modules.constraints import Constraints
+from dntorch.modules.curiosity import Curiosity
+from dntorch.modules.dissatisfaction import Dissatisfaction
 from dntorch.modules.find_color import FindColor
+from dntorch.modules.habituation import Habituation
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.learner import Learner
+from dntorch.modules.recall import Recall
 from dntorch.modules.sarsa import DNSarsa
+from dntorch.modules.transient import TPCell
 from dntorch.modules.working_memory import ItemOrderWM
 from dntorch.noise import Exploration
 from dntorch.runs.config import Config
@@ -14,19 +21,54 @@ def build_agent(config: Config) -> DNSarsa:
     """The agent of a run, without batch, at rest, knowing nothing."""
     n, dt = len(config.colors), config.fine
     camera = "image" in WORLDS[config.world].senses
+    recall = Recall(n, config.recall, dt=dt) if config.recall else None
+    states = recall.states if recall else n
     return DNSarsa(
         n,
         sensorimotor=FindColor(config.colors, dt=dt) if camera else None,
+        behaviors=_behaviors(config, n),
         learner=Learner(
             n,
-            trace=ItemOrderWM(n, tau=config.trace_tau, dt=dt),
-            values=HebbianQ(n, learning_rate=config.learning_rate, dt=dt),
+            pulses=TPCell((n, states), tau=config.pulse_tau, dt=dt),
+            trace=ItemOrderWM(n, tau=config.trace_tau, states=states, dt=dt),
+            values=HebbianQ(n, learning_rate=config.learning_rate, states=states, dt=dt),
+            states=states,
             dt=dt,
         ),
+        recall=recall,
+        habituation=_habituation(config, n),
+        constraints=_constraints(config, n, states),
+        curiosity=_curiosity(config, n),
         dt=config.dt,
         substeps=config.substeps,
         integrator=config.integrator,
     )
+
+
+def _behaviors(config: Config, n: int) -> ElementaryBehaviors | None:
+    if not config.patience:
+        return None
+    waiting = Dissatisfaction(n, patience=config.patience, dt=config.fine)
+    return ElementaryBehaviors(n, dissatisfaction=waiting, dt=config.fine)
+
+
+def _habituation(config: Config, n: int) -> Habituation | None:
+    if not config.habituation:
+        return None
+    return Habituation(n, config.habituation, recovery=config.recovery, dt=config.fine)
+
+
+def _constraints(config: Config, n: int, states: int) -> Constraints | None:
+    if not config.constraints:
+        return None
+    return Constraints(n, learning_rate=config.constraints, states=states, dt=config.fine)
+
+
+def _curiosity(config: Config, n: int) -> Curiosity | None:
+    if not config.curiosity:
+        return None
+    levels = len(config.sequence) + 1
+    return Curiosity(n, levels, gain=config.curiosity, dt=config.fine)
 
 
 def build_exploration(config: Config) -> Exploration:

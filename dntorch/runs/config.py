@@ -75,6 +75,9 @@ class Config:
     trace_tau: float = _setting(
         1.0, "Time constant of the item-and-order memory, s.", within=_above_zero(3600)
     )
+    pulse_tau: float = _setting(
+        0.5, "Time constant of the transient pulse cells, s.", within=_above_zero(3600)
+    )
     reward: float = _setting(REWARD, "Size of the reward signal.", within=Interval(-1000, 1000))
     reward_duration: float = _setting(
         REWARD_DURATION, "Length of the reward signal, s.", within=_above_zero(3600)
@@ -82,6 +85,34 @@ class Config:
     noise: float = _setting(
         10.0, "Amplitude of exploration on the values.", within=_above_zero(1000)
     )
+    dwell: float = _setting(
+        0.5, "Seconds of rest before a block that find it, in worlds seen.", within=_above_zero(60)
+    )
+    recall: int = _setting(
+        0, "Completions before the last one that make a state with it.", within=_whole(0, 3)
+    )
+    habituation: int = _setting(
+        0,
+        "Completions that make a context in which noise prefers what is fresh; 0: none.",
+        within=_whole(0, 8),
+    )
+    recovery: float = _setting(
+        1200.0, "Time constant with which it becomes fresh again, s.", within=_above_zero(1e6)
+    )
+    patience: float = _setting(
+        0.0, "Seconds after which a vain intention ends; 0: never.", within=Interval(0, 3600)
+    )
+    constraints: float = _setting(
+        0.0,
+        "Rate at which failures teach what does not follow, 1/s; 0: none.",
+        within=Interval(0, 30),
+    )
+    curiosity: float = _setting(
+        0.0, "Intrinsic reward of a lamp that shows progress; 0: no lamp.", within=Interval(0, 100)
+    )
+    then: str = _setting("", "Another sequence, which is rewarded from step --change on.")
+    change: int = _setting(0, "Control step of that change; 0: none.", within=_whole(0, LONGEST))
+    missing: str = _setting("", "Colours that are nowhere in the world.")
     width: int = _setting(EPUCK.width, "Columns of the camera image.", within=_whole(8, 640))
     height: int = _setting(EPUCK.height, "Rows of the camera image.", within=_whole(6, 480))
 
@@ -97,11 +128,37 @@ class Config:
                 f"reward_duration={self.reward_duration} is shorter than a control step: give at "
                 f"least dt={self.dt}"
             )
-        check_time_constant("trace_tau", self.trace_tau, self.fine)
+        for name in ("trace_tau", "pulse_tau", "recovery"):
+            check_time_constant(name, getattr(self, name), self.fine)
+        if self.patience:
+            check_time_constant("patience", self.patience, self.fine)
+        self._check_together()
         if self.explore > self.steps:
             raise ValueError(
                 f"explore={self.explore} is not within steps={self.steps}: explore for fewer steps "
                 "or run for more"
+            )
+
+    def _check_together(self) -> None:
+        if bool(self.then) != bool(self.change):
+            raise ValueError(
+                f"then={self.then!r} with change={self.change}: give both, the sequence and the "
+                "step from which on it is rewarded, or none"
+            )
+        if self.then:
+            check_sequence(self.then, self.colors, "then")
+            if len(self.then) != len(self.sequence):
+                raise ValueError(
+                    f"then={self.then}: give a sequence as long as sequence={self.sequence}"
+                )
+        if set(self.missing) - set(self.colors) or len(set(self.colors) - set(self.missing)) < 2:
+            raise ValueError(
+                f"missing={self.missing}: give letters of colors={self.colors} that leave two"
+            )
+        if self.constraints and not self.patience:
+            raise ValueError(
+                f"constraints={self.constraints} learn from failures: give patience, such as "
+                "patience=20"
             )
 
     @property
@@ -140,6 +197,12 @@ def kept_config(values: Any, path: Path) -> Config:
     except ValueError as error:
         raise ValueError(f"{path} cannot be used: {error}") from error
 
+
+AUTONOMOUS: dict[str, Any] = {
+    "noise": 0.1, "learning_rate": 0.2, "habituation": 4, "patience": 20.0
+}  # fmt: skip
+"""One set of numbers for an agent without phases: small noise all its life, which yields to what
+was learned and prefers what is fresh, and an end to what is in vain."""
 
 FIELDS = {each.name: each for each in fields(Config)}
 """Of a config, by name."""

@@ -69,7 +69,7 @@ class Events:
 
     def log(self, agent: AgentState, _rows: int) -> Log:
         count, weights = agent.decisions, agent.learner.values.weights
-        batch, n = count.shape, weights.shape[-1]
+        batch, pairs = count.shape, weights.shape[-2:]
 
         def zeros(*shape: int, like: Tensor = count, **options) -> Tensor:
             return torch.zeros((*batch, *shape), dtype=like.dtype, device=like.device)
@@ -78,7 +78,7 @@ class Events:
             torch.zeros_like(count.sum()),
             zeros(),
             zeros(ROWS, 2),
-            zeros(ROWS, n, n, like=weights),
+            zeros(ROWS, *pairs, like=weights),
             zeros(ROWS, 2, like=weights),
             zeros(2, like=weights),
             zeros(),

@@ -66,29 +66,36 @@ class Record:
     ``weights``       float32 (T/s,n,n)   values ``[action, state]`` every `SPARSE` steps
     ================  ==================  =====================================================
 
-    A batch stands behind T. As the memory of an `Engine` it is written portion by portion.
+    The n states of ``trace`` and ``weights`` are ``states`` if the agent recalls more than the
+    last completion. A batch stands behind T. As the memory of an `Engine` it is written portion by portion.
 
     Args:
         steps: control steps that there is room for.
         behaviors: of the agent: they say what an activation is as a firing rate.
         batch: of the agents.
+        states: how many states the agent has, by default as many as behaviours.
     """
 
     SPARSE = 100
 
     def __init__(
-        self, steps: int, behaviors: ElementaryBehaviors, batch: tuple[int, ...] = ()
+        self,
+        steps: int,
+        behaviors: ElementaryBehaviors,
+        batch: tuple[int, ...] = (),
+        states: int | None = None,
     ) -> None:
         self.length, self.behaviors_of, n = 0, behaviors, behaviors.n
+        self.states = states or n
         self.intention = np.zeros((steps, *batch, n), np.float32)
         self.satisfaction = np.zeros((steps, *batch, n), np.float32)
-        self.trace = np.zeros((steps, *batch, n, n), np.float32)
+        self.trace = np.zeros((steps, *batch, n, self.states), np.float32)
         self.error = np.zeros((steps, *batch), np.float32)
         self.reward = np.zeros((steps, *batch), np.float32)
         self.found = np.full((steps, *batch), NOTHING, np.int8)
         self.completed = np.zeros((steps, *batch), np.bool_)
         self.reported = np.full((steps, *batch), NOTHING, np.int8)
-        self.weights = np.zeros((-(-steps // self.SPARSE), *batch, n, n), np.float32)
+        self.weights = np.zeros((-(-steps // self.SPARSE), *batch, n, self.states), np.float32)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays, cut to the steps that were recorded."""
@@ -115,7 +122,7 @@ class Record:
 
     def member(self, k: int) -> "Record":
         """The record of one agent of a batch."""
-        own = Record(len(self.error), self.behaviors_of)
+        own = Record(len(self.error), self.behaviors_of, states=self.states)
         own.restore({name: array[:, k] for name, array in self.arrays().items()})
         return own
 

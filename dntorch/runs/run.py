@@ -67,7 +67,8 @@ class Run:
         if events:
             self.memory = Events(self.agent, names, self.group.keep_weights)
         else:
-            self.memory = Record(self.config.steps, self.agent.behaviors, batch)
+            states = self.agent.learner.states
+            self.memory = Record(self.config.steps, self.agent.behaviors, batch, states)
         seeds, agents = (number.to(device) for number in self.group.numbers)
         state = self.world.initial(batch, seeds, agents)
         self.engine = Engine(self.agent, self.world, exploration, self.memory, state, compiled)
@@ -110,6 +111,7 @@ class Run:
             for name, moment in (("explored", self.config.explore), ("end", self.config.steps)):
                 if self.step == moment:
                     self.memory.put(f"weights_{name}", self.agent.weights)
+                    self.memory.put(f"failures_{name}", self.agent.failures)
 
     def member(self, k: int) -> "Trial":
         """One agent of a batch that remembers every step, as if it had run alone.

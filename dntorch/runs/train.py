@@ -1,5 +1,6 @@
 """A run to its end: checkpoints on the way, stoppable, resumable; and what it came to."""
 
+import itertools
 import json
 import time
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import dntorch
 from dntorch.envs.task import SequenceTask
 from dntorch.files import write_atomically, write_json
 from dntorch.process import postponed
+from dntorch.runs.config import Config
 from dntorch.runs.pool import Stopped
 from dntorch.runs.run import Run, Trial
 
@@ -58,6 +60,7 @@ def results(trial: Trial, steps_taken: int, seconds: float) -> dict[str, Any]:
     """What a run came to, for ``results.json``; without times if it took no step."""
     config, record = trial.config, trial.record
     rewards = record.rewards.tolist()
+    rewarded = config.then if config.then and trial.step >= config.change else config.sequence
     exploring = record.found[: min(config.explore, trial.step)]
     return {
         "version": dntorch.__version__,
@@ -71,16 +74,24 @@ def results(trial: Trial, steps_taken: int, seconds: float) -> dict[str, Any]:
         "rewards": rewards,
         "first_reward_step": rewards[0] if rewards else None,
         "found_in_exploration": bool(rewards) and rewards[0] < config.explore,
-        "optimal_at_end": record.optimal(SequenceTask(config.sequence, config.colors).period),
+        "optimal_at_end": record.optimal(SequenceTask(rewarded, config.colors).period),
+        "failures": int(trial.agent.failures),
         "disagreements": record.disagreements,
         "longest_intention_overlap": record.longest_overlap(record.intention),
         "longest_cos_overlap": record.longest_overlap(record.satisfaction),
         "steps_without_state": record.steps_without_state,
         "colors": config.colors,
         "value_matrix_axes": "[state][action]",
+        "states": names_of_states(config),
         "value_matrix": trial.agent.weights.t().tolist(),
         "config": asdict(config),
     }
+
+
+def names_of_states(config: Config) -> list[str]:
+    """The completions that make each state, in their order, the last one last."""
+    orders = itertools.product(config.colors, repeat=config.recall + 1)
+    return ["".join(reversed(order)) for order in orders]
 
 
 TIMES = ("steps_per_second", "duration_seconds")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     import gymnasium
+    from torch import Tensor
 
     from dntorch.body import Body
+    from dntorch.envs.layout import Ring
     from dntorch.envs.task import SequenceTask
     from dntorch.envs.world import World
     from dntorch.runs.config import Config
@@ -41,27 +43,49 @@ def build_task(config: Config, others: tuple[str, ...] = ()) -> SequenceTask:
     """What a run rewards, ``others`` beside its sequence."""
     from dntorch.envs.task import SequenceTask
 
-    return SequenceTask(
-        config.sequence, config.colors, config.reward, config.reward_duration, config.dt, others
-    )
+    rewarded = config.reward, config.reward_duration, config.dt
+    then = (config.then, config.change) if config.then else None
+    return SequenceTask(config.sequence, config.colors, *rewarded, others, then)
 
 
 def _nodes(config: Config, senses: Senses, task: SequenceTask, device: str) -> World:
     from dntorch.envs.nodes import NodesWorld
 
-    return NodesWorld(task, device=device)
+    return NodesWorld(task, device=device, senses=senses, feasible=_feasible(config))
 
 
 def _ring(config: Config, senses: Senses, task: SequenceTask, device: str) -> World:
     from dntorch.envs.ring import RingWorld
 
-    return RingWorld(task, body=_body(config), senses=senses, device=device)
+    return RingWorld(
+        task, _ring_of(config), body=_body(config), dwell=config.dwell, senses=senses, device=device
+    )
 
 
 def _epuck(config: Config, senses: Senses, task: SequenceTask, device: str) -> World:
     from dntorch.envs.adaptor import GymWorld
 
     return GymWorld(_epuck_env(config, task=task, senses=senses, layout_seed=config.seed))
+
+
+def _feasible(config: Config) -> Tensor | None:
+    """Nothing finds what is missing."""
+    if not config.missing:
+        return None
+    import torch
+
+    there = torch.tensor([letter not in config.missing for letter in config.colors])
+    return there.unsqueeze(-1).expand(-1, len(there)).clone()
+
+
+def _ring_of(config: Config) -> Ring:
+    from dntorch.envs.layout import Ring
+
+    return Ring(missing=config.missing)
+
+
+def _shown(config: Config) -> Senses:
+    return ("image", "lamp") if config.curiosity else ("image",)
 
 
 def _body(config: Config) -> Body:
@@ -73,16 +97,23 @@ def _body(config: Config) -> Body:
 def _epuck_env(config: Config, **others) -> gymnasium.Env:
     from dntorch.envs.epuck import EPuckEnv
 
-    return EPuckEnv(**{"task": build_task(config), "body": _body(config)} | others)
+    return EPuckEnv(**_of_an_env(config) | others)
 
 
 def _ring_env(config: Config, **others) -> gymnasium.Env:
     from dntorch.envs.ring_env import RingEnv
 
-    return RingEnv(**{"task": build_task(config), "body": _body(config)} | others)
+    return RingEnv(**_of_an_env(config) | others)
 
 
-ROBOT = ("image", "wheels", "proximity")
+def _of_an_env(config: Config) -> dict[str, Any]:
+    return {
+        "task": build_task(config), "body": _body(config), "ring": _ring_of(config),
+        "dwell": config.dwell, "senses": _shown(config),
+    }  # fmt: skip
+
+
+ROBOT = ("image", "wheels", "proximity", "lamp")
 
 WORLDS = {
     "epuck": Row(
@@ -94,7 +125,7 @@ WORLDS = {
         env=_ring_env,
     ),
     "nodes": Row(
-        "abstract behaviours, without a camera", ("match",), _nodes, batched=True, numbered=True
+        "abstract behaviours, without a camera", ("match", "lamp"), _nodes, batched=True, numbered=True
     ),
 }  # fmt: skip
 

@@ -16,6 +16,7 @@ from matplotlib.patches import Rectangle
 from dntorch.cells.functions import is_on
 from dntorch.runs.config import Config
 from dntorch.runs.record import Record
+from dntorch.runs.train import names_of_states
 from dntorch.show.extracts import (
     SMOOTH,
     chunk,
@@ -97,12 +98,12 @@ def trace(record: Record, config: Config) -> Figure:
     for step in rewards:
         ax.axvline(step * config.dt, color=INK, lw=1, ls=":", label="reward")
     seconds = np.arange(steps.start, steps.stop) * config.dt
-    _pairs(ax, seconds, record.trace[steps], config.colors)
+    _pairs(ax, seconds, record.trace[steps], config)
     high = 1.3 * max(0.05, record.trace[steps].max(initial=0))
     ax.set(ylim=(0, high), xlabel="time (s)", ylabel="activity of pairs state → action")
     now = record.trace[rewards[-1] if len(rewards) else max(record.length - 1, 0)]
     for pair in strongest(now[None], 6)[::-1]:
-        color, label = _style(pair, config.colors)
+        color, label = _style(pair, config)
         order.barh(label, now[pair], color=color)
     order.set(title="at the last reward" if len(rewards) else "at the end", xlabel="activity")
     _tidy(ax, order)
@@ -113,8 +114,9 @@ def values(record: Record, config: Config) -> Figure:
     """Value matrix as in the paper's film: state down, action across, white is high."""
     weights, colors = record.arrays()["weights"], config.colors
     shown = value_image(weights[-1] if len(weights) else record.weights[0])
+    states = names_of_states(config)
     size = 2.2 + 0.62 * len(colors)
-    figure = Figure((size + 1, size), layout="constrained")
+    figure = Figure((size + 1, 2.2 + min(0.62 * len(states), 40)), layout="constrained")
     ax = figure.subplots()
     low, high = min(0.0, float(shown.min())), max(0.0, float(shown.max()))
     image = ax.imshow(shown, cmap="gray", vmin=low, vmax=high if high > low else 1)
@@ -122,13 +124,13 @@ def values(record: Record, config: Config) -> Figure:
         ink = "black" if value - low > 0.5 * (high - low) > 0 else "white"
         text = f"{round(float(value), 2) + 0.0:.2f}"  # no minus zero
         ax.text(action, state, text, ha="center", va="center", color=ink, fontsize=9)
-        if colors[state] + colors[action] in config.sequence:
+        if states[state] + colors[action] in config.sequence:
             corner = (action - 0.45, state - 0.45)
             ax.add_patch(Rectangle(corner, 0.9, 0.9, fill=False, ec=PAINT["O"], lw=2))
     ax.set_xticks(range(len(colors)), colors)
-    ax.set_yticks(range(len(colors)), colors)
+    ax.set_yticks(range(len(states)), states)
     for label in ax.get_xticklabels() + ax.get_yticklabels():
-        label.set(color=PAINT[label.get_text()], fontweight="bold", fontsize=13)
+        label.set(color=PAINT[label.get_text()[-1]], fontweight="bold", fontsize=13)
     ax.set(xlabel="action: next intention", ylabel="state: last CoS")
     ax.tick_params(length=0)
     figure.colorbar(image, ax=ax, shrink=0.8).outline.set_visible(False)
@@ -139,7 +141,7 @@ def values_over_time(record: Record, config: Config) -> Figure:
     """How the values of the strongest pairs grew."""
     figure, weights = Figure((9, 4), layout="constrained"), record.arrays()["weights"]
     ax = figure.subplots()
-    _pairs(ax, np.arange(len(weights)) * record.SPARSE, weights, config.colors)
+    _pairs(ax, np.arange(len(weights)) * record.SPARSE, weights, config)
     ax.set_ylabel("value of state → action")
     _phases(ax, record, config)
     return figure
@@ -202,18 +204,18 @@ def _bars(ax: Axes, record: Record, steps: slice, config: Config) -> None:
     ax.set(ylim=(0, 1.6), yticks=())
 
 
-def _pairs(ax: Axes, time: np.ndarray, pairs: np.ndarray, colors: str) -> None:
+def _pairs(ax: Axes, time: np.ndarray, pairs: np.ndarray, config: Config) -> None:
     """One line for each pair, the strongest in the colour of their action, and a legend."""
-    ax.plot(time, pairs.reshape(-1, len(colors) ** 2), color=FAINT, lw=0.5)
+    ax.plot(time, pairs.reshape(len(time), -1), color=FAINT, lw=0.5)
     for pair in strongest(pairs):
-        color, label = _style(pair, colors)
+        color, label = _style(pair, config)
         ax.plot(time, pairs[(slice(None), *pair)], lw=2, color=color, label=label)
     unique = dict(zip(*ax.get_legend_handles_labels()[::-1]))
     look = {"frameon": False, "fontsize": 9, "labelcolor": INK, "ncols": 5}
     ax.legend(unique.values(), unique, loc="upper left", **look)
 
 
-def _style(pair: tuple[int, int], colors: str) -> tuple[str, str]:
+def _style(pair: tuple[int, int], config: Config) -> tuple[str, str]:
     """Colour of the action and the name ``state → action``."""
-    action, state = (colors[k] for k in pair)
+    action, state = config.colors[pair[0]], names_of_states(config)[pair[1]]
     return PAINT[action], f"{state} → {action}"

@@ -133,19 +133,22 @@ def _bars(rates: np.ndarray, colors: str, width: int) -> np.ndarray:
 
 
 def _matrix(shown: np.ndarray, colors: str) -> np.ndarray:
-    """A matrix of state (down) by action (across), white is high, with coloured letters."""
+    """A matrix of state (down) by action (across), white is high, with coloured letters.
+
+    Where a state is more than one completion its rows stand without letters.
+    """
     panel = np.full((HEIGHT, SIDE, 3), PLATE, np.uint8)
     n, edge = len(colors), 30
     low, high = min(0.0, float(shown.min())), float(shown.max())
     gray = (255 * (shown - low) / max(high - low, 1e-6)).clip(0, 255).astype(np.uint8)
     cell = (SIDE - edge) // n
-    panel[edge : edge + n * cell, edge : edge + n * cell] = gray.repeat(cell, 0).repeat(cell, 1)[
-        ..., None
-    ]
+    square = cv2.resize(gray, (n * cell, n * cell), interpolation=cv2.INTER_NEAREST)
+    panel[edge : edge + n * cell, edge : edge + n * cell] = square[..., None]
     for k, letter in enumerate(colors):
         middle = edge + k * cell + cell // 2
         _text(panel, letter, middle - 6, 22, 0.55, RGB[letter], 2)
-        _text(panel, letter, 9, middle + 7, 0.55, RGB[letter], 2)
+        if len(shown) == n:
+            _text(panel, letter, 9, middle + 7, 0.55, RGB[letter], 2)
     _text(panel, f"white: {high:.2f}", edge, HEIGHT - 12, 0.42, DIM)
     return panel
 

@@ -78,7 +78,7 @@ MEANING = {
     "longest_cos_overlap": "most steps in a row with two CoS nodes on",
     "steps_without_state": "steps after the first found colour without any CoS node on",
 }
-APART = ("config", "value_matrix", "value_matrix_axes", "colors")
+APART = ("config", "value_matrix", "value_matrix_axes", "states", "colors")
 """Results that have a table of their own."""
 
 
@@ -99,6 +99,7 @@ def write_report(
     html = _template().render(
         config=config,
         results=results,
+        states=results.get("states") or list(config.colors),
         rewards=results.get("rewards") or [],
         matrix=_matrix(results.get("value_matrix") or []),
         numbers=[(k, v, MEANING.get(k, "")) for k, v in results.items() if k not in APART],

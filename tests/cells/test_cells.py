@@ -576,7 +576,9 @@ def test_value_nodes_without_a_leak_diverge():
     printed, state = torch.zeros(3, dtype=torch.float64), ValueState(f64([0.0, 0.0, 0.0]))
     for _ in range(32 * 60):
         printed = printed + 1 / 32 / 0.1 * weights @ satisfaction
-        state = value_step(satisfaction, weights, NONE, satisfaction < 0.5, state, BASE, 8.0, 0.1, 1 / 32)
+        state = value_step(
+            satisfaction, weights, NONE, satisfaction < 0.5, state, BASE, 8.0, 0.1, 1 / 32
+        )
     assert printed.max() > 1000
     assert state.value.max() == pytest.approx(1)
 

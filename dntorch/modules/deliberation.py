@@ -1,0 +1,144 @@
+"""What a decision weighs besides the learned values: parts that an agent may have."""
+
+from typing import NamedTuple
+
+from torch import Tensor
+
+from dntorch.cells.functions import is_on
+from dntorch.dynamics import Dynamics, check_parts
+from dntorch.modules.constraints import Constraints
+from dntorch.modules.curiosity import Curiosity
+from dntorch.modules.habituation import Habituation
+from dntorch.modules.recall import Recall
+
+
+class DeliberationState(NamedTuple):
+    """Tensors of each part by name; none where it is missing."""
+
+    recall: dict[str, Tensor]
+    habituation: dict[str, Tensor]
+    constraints: dict[str, Tensor]
+    curiosity: dict[str, Tensor]
+
+
+class Deliberation(Dynamics[DeliberationState]):
+    r"""Turns what was completed, failed and seen into what `ValueNodes` and `Learner` read.
+
+    ===============  =================  ========================================================
+    what they read   here               is, without the part in brackets
+    ===============  =================  ========================================================
+    ``context``      the state          the last completion (`Recall`)
+    ``noise``        what is tried      the noise of exploration, all of it equally fresh
+                                        (`Habituation`), without intrinsic value (`Curiosity`)
+    ``available``    what may be done   all but the finished behaviour (`Constraints`)
+    ===============  =================  ========================================================
+
+    Without parts it is the paper's agent. `weigh` says what they read, `euler` moves the parts on;
+    both read the activation of time t.
+
+    Shapes: ``intention``, ``satisfaction`` and ``failing`` (firing rates) ``(*batch, n)``,
+    ``pulse`` of the learner's pairs ``(*batch, n, states)``, ``noise`` ``(*batch, n)``,
+    ``observation`` with ``lamp`` ``(*batch, 1)`` if there is curiosity; `weigh` and `step` give
+    ``context`` ``(*batch, states)``, noise and what is available ``(*batch, n)``.
+    State: ``DeliberationState``, the parts' states.
+
+    Raises:
+        ValueError: parts of another size or ``dt``; constraints of other states than recall's.
+
+    Not in the paper.
+    """
+
+    def __init__(
+        self,
+        n: int,
+        recall: Recall | None = None,
+        habituation: Habituation | None = None,
+        constraints: Constraints | None = None,
+        curiosity: Curiosity | None = None,
+        dt: float = 1 / 32,
+    ) -> None:
+        super().__init__(dt)
+        self.n, self.states = n, n if recall is None else recall.states
+        self.recall, self.habituation = recall, habituation
+        self.constraints, self.curiosity = constraints, curiosity
+
+    def check(self) -> None:
+        check_parts(self, self.n)
+        if self.constraints is not None:
+            check_states_fit("constraints", self.constraints.states, self.states)
+
+    def weigh(
+        self,
+        satisfaction: Tensor,
+        noise: Tensor,
+        observation: dict[str, Tensor],
+        state: DeliberationState,
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """``(context, noise, available)``."""
+        context, available = satisfaction, ~is_on(satisfaction)
+        if self.recall is not None:
+            recalled = self.recall.output(self.recall.nested(state.recall))
+            context = self.recall.context(satisfaction, recalled)
+        if self.habituation is not None:
+            spent = self.habituation.nested(state.habituation)
+            noise = noise * self.habituation.fresh(satisfaction, spent)
+        if self.curiosity is not None:
+            learned = self.curiosity.nested(state.curiosity)
+            noise = noise + self.curiosity.value(observation["lamp"], learned)
+        if self.constraints is not None:
+            known = self.constraints.nested(state.constraints)
+            available = available * self.constraints.allowed(context, known)
+        return context, noise, available
+
+    def euler(
+        self,
+        intention: Tensor,
+        satisfaction: Tensor,
+        failing: Tensor,
+        context: Tensor,
+        pulse: Tensor,
+        observation: dict[str, Tensor],
+        state: DeliberationState,
+    ) -> DeliberationState:
+        recall, habituation = state.recall, state.habituation
+        constraints, curiosity = state.constraints, state.curiosity
+        if self.recall is not None:
+            ahead = self.recall.euler(satisfaction, self.recall.nested(recall))
+            recall = self.recall.flat(ahead)
+        if self.habituation is not None:
+            spent = self.habituation.nested(habituation)
+            spent = self.habituation.euler(intention, satisfaction, spent)
+            habituation = self.habituation.flat(spent)
+        if self.constraints is not None:
+            known = self.constraints.nested(constraints)
+            known = self.constraints.euler(failing, context, satisfaction, pulse, known)
+            constraints = self.constraints.flat(known)
+        if self.curiosity is not None:
+            learned = self.curiosity.nested(curiosity)
+            learned = self.curiosity.euler(intention, observation["lamp"], learned)
+            curiosity = self.curiosity.flat(learned)
+        return DeliberationState(recall, habituation, constraints, curiosity)
+
+    def step(
+        self,
+        intention: Tensor,
+        satisfaction: Tensor,
+        failing: Tensor,
+        pulse: Tensor,
+        noise: Tensor,
+        observation: dict[str, Tensor],
+        state: DeliberationState,
+    ) -> tuple[tuple[Tensor, Tensor, Tensor], DeliberationState]:
+        context, _, _ = self.weigh(satisfaction, noise, observation, state)
+        rates = intention, satisfaction, failing
+        state = self.euler(*rates, context, pulse, observation, state)
+        return self.weigh(satisfaction, noise, observation, state), state
+
+
+def check_states_fit(name: str, own: int, states: int) -> None:
+    """Raise unless a part pairs its actions with as many states as the agent has."""
+    if own != states:
+        raise ValueError(
+            f"{name}.states={own} does not fit: build the part with states={states}, those of "
+            "recall or, without one, n"
+        )
