@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from dntorch.modules.behaviors import ElementaryBehaviors
     from dntorch.modules.constraints import Constraints
     from dntorch.modules.curiosity import Curiosity
-    from dntorch.modules.deliberation import Deliberation
     from dntorch.modules.dissatisfaction import Dissatisfaction
     from dntorch.modules.field import DNF
     from dntorch.modules.find_color import FindColor
@@ -45,7 +44,6 @@ else:  # the same, later
             "Curiosity": "modules.curiosity",
             "DNF": "modules.field",
             "DNSarsa": "modules.sarsa",
-            "Deliberation": "modules.deliberation",
             "Direct": "modules.sensorimotor",
             "Dissatisfaction": "modules.dissatisfaction",
             "Dynamics": "dynamics",
@@ -72,11 +70,10 @@ else:  # the same, later
     )
 
 __all__ = [
+    "DNF",
     "Constraints",
     "Curiosity",
-    "DNF",
     "DNSarsa",
-    "Deliberation",
     "Direct",
     "Dissatisfaction",
     "Dynamics",

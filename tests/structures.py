@@ -15,7 +15,6 @@ from dntorch.dynamics import Dynamics
 from dntorch.modules.behaviors import ElementaryBehaviors
 from dntorch.modules.constraints import Constraints
 from dntorch.modules.curiosity import Curiosity
-from dntorch.modules.deliberation import Deliberation
 from dntorch.modules.dissatisfaction import Dissatisfaction
 from dntorch.modules.field import DNF
 from dntorch.modules.find_color import FindColor
@@ -155,8 +154,8 @@ def progress(batch, generator):
 
 
 BEYOND = (
-    "learner.values.weights", "deliberation.constraints.suppression",
-    "deliberation.curiosity.weights",
+    "deliberation.constraints.suppression", "deliberation.curiosity.weights",
+    "learner.values.weights",
 )  # fmt: skip
 PAIR = ("left.values.weights", "right.values.weights")
 PAIRS, AGENT = (N, N), ("learner.values.weights",)
@@ -184,10 +183,6 @@ CASES = {
     "Dissatisfaction": Case(lambda: Dissatisfaction(N, patience=0.5), (unit(N),)),
     "Constraints": Case(
         lambda: Constraints(N), (unit(N), unit(N), unit(N), signed(*PAIRS)), ("suppression",)
-    ),
-    "Deliberation": Case(
-        lambda: Deliberation(N, Recall(N), Habituation(N, 2)),
-        (unit(N), unit(N), unit(N), signed(N, N * N), unit(N), progress),
     ),
     "Curiosity": Case(lambda: Curiosity(N, 3), (unit(N), unit(1)), ("weights",)),
     "FindColor": Case(small_camera, (photo, unit(N))),

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dntorch.colors import HUES, PAPER
+from dntorch.colors import PAPER
 from dntorch.commands.common import Computing, refuse_options
 from dntorch.commands.kinds import Parsed, whole
-from dntorch.commands.options import COLORS
+from dntorch.commands.options import COLORS, MISSING
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
 from dntorch.extras import require
 from dntorch.process import end_when_asked
@@ -28,12 +28,6 @@ def _host(name: str) -> str:
     return name
 
 
-def _missing(text: str) -> str:
-    if set(text) - set(HUES) or len(set(text)) < len(text):
-        raise ValueError(f"give different letters of {''.join(HUES)}")
-    return text
-
-
 @click.command(cls=Computing)
 @PROTOCOL
 @PACING
@@ -49,7 +43,7 @@ def _missing(text: str) -> str:
 )
 @click.option(
     "--missing",
-    type=Parsed(_missing),
+    type=MISSING,
     default="",
     help="Colors that no block has; in their places stand others.",
 )

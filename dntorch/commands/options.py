@@ -87,8 +87,8 @@ def _colors(text: str) -> str:
 
 
 def _missing(text: str) -> str:
-    if set(text) - set(HUES):
-        raise ValueError(f"give letters of {''.join(HUES)}")
+    if set(text) - set(HUES) or len(set(text)) < len(text):
+        raise ValueError(f"give different letters of {''.join(HUES)}")
     return text
 
 
@@ -101,10 +101,10 @@ def _none_or(parse: Callable[[str], str]) -> Parsed:
     return Parsed(lambda text: parse(text) if text else "")
 
 
-COLORS = Parsed(_colors)
+COLORS, MISSING = Parsed(_colors), Parsed(_missing)
 LETTERS = {
     "colors": COLORS, "sequence": Parsed(_sequence), "then": _none_or(_sequence),
-    "missing": _none_or(_missing),
+    "missing": MISSING,
 }  # fmt: skip
 
 

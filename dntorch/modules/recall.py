@@ -109,11 +109,8 @@ class Recall(Dynamics[RecallState]):
         check_positive(
             "excitation + h", self.excitation + self.h, "or nodes go off when their pulse ends"
         )
-        check_positive(
-            "pulse_gain",
-            self.pulse_gain - self.inhibition + self.h,
-            "give more than inhibition - h",
-        )
+        drive = self.pulse_gain - self.inhibition + self.h
+        check_positive("pulse_gain - inhibition + h", drive, "give more pulse_gain")
 
     def initial(self, batch: list[int]) -> RecallState:
         zero = self.origin.new_zeros(batch + [self.depth, self.n])

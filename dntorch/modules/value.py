@@ -34,7 +34,8 @@ class ValueNodes(Dynamics[ValueState]):
     ``tau``, ``baseline`` and ``sharpness`` may be tensors ``(*batch,)``, one number per agent.
 
     Shapes: ``context`` ``(*batch, states)``, ``noise``, ``available`` and output (activation
-    after the step) ``(*batch, n)``, ``weights`` ``(*batch, n, states)`` or ``(n, states)``. State: ``ValueState(value)``, 0 at rest.
+    after the step) ``(*batch, n)``, ``weights`` ``(*batch, n, states)`` or ``(n, states)``.
+    State: ``ValueState(value)``, 0 at rest.
 
     Raises:
         ValueError: ``dt > tau``, ``baseline`` or ``sharpness`` not positive, ``n < 2``.

@@ -5,10 +5,14 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from dntorch.envs.nodes import NodesWorld
 from dntorch.envs.task import SequenceTask
+from dntorch.envs.world import World
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.noise import Exploration, keyed_uniform
+from dntorch.paper.drawn import DrawnTask, draw_feasible, draw_targets
 from dntorch.paper.variants import build_variant
+from dntorch.runs.build import build_agent
 from dntorch.runs.group import Group
 from dntorch.runs.worlds import build_task
 
@@ -23,15 +27,45 @@ class Population(Group):
     """rewarded sequences beside that of ``config``"""
     shown: int = 0
     """how often exploration is led through the sequence, at random times"""
+    drawn: bool = False
+    """each agent has a rewarded sequence of its own, as long as that of ``config``"""
+    count: int = 0
+    """of behaviours, if not one for each colour: in the abstract world, with ``drawn``"""
+    after: int = 0
+    """after how many others each behaviour is possible, drawn for each agent; 0: after all"""
+
+    @property
+    def n(self) -> int:
+        return self.count or len(self.config.colors)
 
     def build_agent(self) -> DNSarsa:
+        if self.count:
+            return build_agent(self.config, self.count)
         return build_variant(self.config, self.variant)
 
     def build_task(self) -> SequenceTask:
-        return build_task(self.config, self.tasks)
+        task = build_task(self.config, self.tasks)
+        if self.drawn:
+            who, length = (self.config.seed, self.agents, self.n), len(self.config.sequence)
+            task = DrawnTask(task, draw_targets(*who, length, self._feasible()), self.n)
+        return task
+
+    def build_world(self, senses: tuple[str, ...], device: str) -> World:
+        """The abstract one where not all is possible after all."""
+        if not self.after:
+            return super().build_world(senses, device)
+        return NodesWorld(
+            self.build_task(), senses=senses, feasible=self._feasible(), device=device
+        )
+
+    def _feasible(self) -> Tensor | None:
+        if not self.after:
+            return None
+        return draw_feasible(self.config.seed, self.agents, self.n, self.after)
 
     def build_exploration(self) -> Exploration:
         exploration = super().build_exploration()
+        exploration.n = self.n
         if self.shown:
             exploration = Led(exploration, self.shown, self.build_task(), self.config.explore)
         return exploration

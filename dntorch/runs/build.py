@@ -17,9 +17,13 @@ from dntorch.runs.config import Config
 from dntorch.runs.worlds import WORLDS
 
 
-def build_agent(config: Config) -> DNSarsa:
-    """The agent of a run, without batch, at rest, knowing nothing."""
-    n, dt = len(config.colors), config.fine
+def build_agent(config: Config, n: int | None = None) -> DNSarsa:
+    """The agent of a run, without batch, at rest, knowing nothing; a behaviour for each colour.
+
+    Args:
+        n: another number of behaviours, for a world without colours.
+    """
+    n, dt = n or len(config.colors), config.fine
     camera = "image" in WORLDS[config.world].senses
     recall = Recall(n, config.recall, dt=dt) if config.recall else None
     states = recall.states if recall else n
@@ -53,7 +57,7 @@ def _behaviors(config: Config, n: int) -> ElementaryBehaviors | None:
 
 
 def _habituation(config: Config, n: int) -> Habituation | None:
-    if not config.habituation:
+    if config.habituation < 0:
         return None
     return Habituation(n, config.habituation, recovery=config.recovery, dt=config.fine)
 

@@ -92,9 +92,9 @@ class Config:
         0, "Completions before the last one that make a state with it.", within=_whole(0, 3)
     )
     habituation: int = _setting(
-        0,
-        "Completions that make a context in which noise prefers what is fresh; 0: none.",
-        within=_whole(0, 8),
+        -1,
+        "Completions that make a context in which noise prefers what is fresh; -1: it does not.",
+        within=_whole(-1, 8),
     )
     recovery: float = _setting(
         1200.0, "Time constant with which it becomes fresh again, s.", within=_above_zero(1e6)

@@ -9,14 +9,14 @@ import torch
 from torch import Tensor
 
 from dntorch.envs.task import SequenceTask
-from dntorch.envs.world import NUMBERS
+from dntorch.envs.world import NUMBERS, World
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.noise import Exploration
 from dntorch.parameters import Parameters
 from dntorch.quantities import check_kind, shown
 from dntorch.runs.build import build_agent, build_exploration
 from dntorch.runs.config import Config, check_setting
-from dntorch.runs.worlds import build_task
+from dntorch.runs.worlds import build_task, build_world
 
 #: Where a number of a config lies within an agent; others are of its task or its exploration.
 PATHS = {"learning_rate": "learner.values.learning_rate", "trace_tau": "learner.trace.tau"}
@@ -132,6 +132,9 @@ class Group:
 
     def build_task(self) -> SequenceTask:
         return build_task(self.config)
+
+    def build_world(self, senses: tuple[str, ...], device: str) -> World:
+        return build_world(self.config, senses, self.build_task(), device)
 
     def individualize(self, agent: DNSarsa, task: SequenceTask, exploration: Exploration) -> None:
         """Give each agent of a batch, and the world it lives in, numbers of its own."""

@@ -67,7 +67,8 @@ class Record:
     ================  ==================  =====================================================
 
     The n states of ``trace`` and ``weights`` are ``states`` if the agent recalls more than the
-    last completion. A batch stands behind T. As the memory of an `Engine` it is written portion by portion.
+    last completion. A batch stands behind T. As the memory of an `Engine` it is written portion by
+    portion.
 
     Args:
         steps: control steps that there is room for.

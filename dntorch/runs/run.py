@@ -20,7 +20,7 @@ from dntorch.runs.engine import Engine
 from dntorch.runs.events import Events
 from dntorch.runs.group import Group
 from dntorch.runs.record import Record
-from dntorch.runs.worlds import WORLDS, build_world
+from dntorch.runs.worlds import WORLDS
 
 
 class Run:
@@ -59,8 +59,7 @@ class Run:
         self.agent = self.group.build_agent().to(device=device, dtype=dtype)
         if batch:
             self.agent.spread(*batch)
-        task = self.group.build_task()
-        self.world = build_world(self.config, self.agent.senses, task, device)
+        self.world = self.group.build_world(self.agent.senses, device)
         exploration = self.group.build_exploration()
         self.group.individualize(self.agent, self.world.task, exploration)
         names = self.group.rows or self.group.agents or tuple(range(*batch or (1,)))

@@ -89,7 +89,11 @@ def results(trial: Trial, steps_taken: int, seconds: float) -> dict[str, Any]:
 
 
 def names_of_states(config: Config) -> list[str]:
-    """The completions that make each state, in their order, the last one last."""
+    """The completions that make each state, in their order, the last one last.
+
+    >>> names_of_states(Config(colors="GB", sequence="GBG", recall=1))
+    ['GG', 'BG', 'GB', 'BB']
+    """
     orders = itertools.product(config.colors, repeat=config.recall + 1)
     return ["".join(reversed(order)) for order in orders]
 

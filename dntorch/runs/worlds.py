@@ -81,7 +81,7 @@ def _feasible(config: Config) -> Tensor | None:
 def _ring_of(config: Config) -> Ring:
     from dntorch.envs.layout import Ring
 
-    return Ring(missing=config.missing)
+    return Ring(4 * len(config.colors), missing=config.missing)
 
 
 def _shown(config: Config) -> Senses:
@@ -125,7 +125,8 @@ WORLDS = {
         env=_ring_env,
     ),
     "nodes": Row(
-        "abstract behaviours, without a camera", ("match", "lamp"), _nodes, batched=True, numbered=True
+        "abstract behaviours, without a camera", ("match", "lamp"), _nodes,
+        batched=True, numbered=True,
     ),
 }  # fmt: skip
 

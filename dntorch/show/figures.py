@@ -206,7 +206,7 @@ def _bars(ax: Axes, record: Record, steps: slice, config: Config) -> None:
 
 def _pairs(ax: Axes, time: np.ndarray, pairs: np.ndarray, config: Config) -> None:
     """One line for each pair, the strongest in the colour of their action, and a legend."""
-    ax.plot(time, pairs.reshape(len(time), -1), color=FAINT, lw=0.5)
+    ax.plot(time, pairs.reshape(len(pairs), pairs[0:1].size or 1), color=FAINT, lw=0.5)
     for pair in strongest(pairs):
         color, label = _style(pair, config)
         ax.plot(time, pairs[(slice(None), *pair)], lw=2, color=color, label=label)

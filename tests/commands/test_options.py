@@ -66,9 +66,11 @@ def test_without_options_it_is_the_config_of_the_library() -> None:
 
 def test_options_make_a_config_and_a_config_makes_options() -> None:
     config = Config(
-        world="nodes", seed=7, explore=5, steps=9, sequence="RG", colors="RG", dt=0.02, substeps=2,
+        world="nodes", seed=7, explore=5, steps=9, sequence="RG", colors="RGB", dt=0.02, substeps=2,
         integrator="heun", learning_rate=0.1, trace_tau=0.5, reward=-1.5, reward_duration=0.25,
-        noise=3.0, width=8, height=6,
+        noise=3.0, width=8, height=6, pulse_tau=0.3, dwell=0.7, recall=1, habituation=2,
+        recovery=60.0, patience=9.0, constraints=3.0, curiosity=2.0, then="GR", change=4,
+        missing="B",
     )  # fmt: skip
     assert all(value != getattr(Config(), name) for name, value in vars(config).items())
     assert config_of(*spelled(config, seed=1).split()) == config

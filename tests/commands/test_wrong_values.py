@@ -38,6 +38,7 @@ WRONG = {
     "--host": ["a..b", "", "a" * 70],
     "--colors": ["RX", "R", "RR", "", "R" * 1000],
     "--missing": ["X", "BB", "b", "B,Y"],
+    "--then": ["GX", "G", "GG", "GB" * 1000],
     "--sequence": ["GX", "G", "GG", "", "GB" * 1000],
 }  # fmt: skip
 

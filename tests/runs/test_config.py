@@ -16,7 +16,8 @@ from dntorch.runs.settings import read_settings
 def wrong_values(name: str) -> list:
     within = FIELDS[name].metadata["within"]
     if within is None:
-        return ["", "mars", 3, None, "R" * 100]
+        wrong = ["mars", 3, None, "R" * 100]
+        return wrong if FIELDS[name].default == "" else ["", *wrong]
     values = [math.nan, math.inf, -math.inf, within.least - 1, within.most + 1, 1e300, 10**400]
     values += ["1", None, True, [1]]
     values += [within.least] if within.above else []
@@ -36,7 +37,7 @@ def test_a_wrong_value_is_refused_by_name(name: str, value, tmp_path: Path) -> N
         Config(**{name: value})
     file = tmp_path / "results.json"
     file.write_text(json.dumps({"config": {name: value}}))
-    if name not in ("sequence", "colors"):  # they are checked together
+    if name not in ("sequence", "colors", "then", "missing"):  # they are checked together
         with pytest.raises(ValueError, match=f"results.json: {name}="):
             read_settings(file)
     checkpoint = tmp_path / "checkpoint.pt"
