@@ -54,6 +54,14 @@ def test_studies_print_a_line_a_point(name: str, lines: int, options: str, tmp_p
     assert name == "evidence/controls.py" or written.with_suffix(".png").exists()
 
 
+def test_the_agent_beyond_the_paper_prints_a_line_a_variant(tmp_path: Path) -> None:
+    budget = ["--runs", "2", "--steps", "300", "--processes", "1"]
+    printed = run("evidence/beyond.py", *budget, "--out", tmp_path, **PLAIN)
+    assert len(re.findall(r"^.{32} \{'runs': [26], ", printed, re.MULTILINE)) == 35
+    content = json.loads((tmp_path / "change.json").read_text())
+    assert content["lines"]["autonomous"]["discrete"]["optimal"] == [0, 2]
+
+
 def test_fairness_prints_a_line_a_size(tmp_path: Path) -> None:
     budget = ["--sizes", "2", "4", "--steps", "400"]
     printed = run("evidence/exploration.py", *budget, "--out", tmp_path, **PLAIN)

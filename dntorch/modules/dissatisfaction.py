@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from dntorch.cells.dissatisfaction import DissatisfactionState, dissatisfaction_step
-from dntorch.cells.functions import abs_sigmoid
+from dntorch.cells.functions import abs_sigmoid, rectified
 from dntorch.checks import (
     check_count,
     check_ends,
@@ -81,8 +81,8 @@ class Dissatisfaction(Dynamics[DissatisfactionState]):
         return DissatisfactionState(zero, zero + wide(self.h, 1))
 
     def output(self, state: DissatisfactionState) -> Tensor:
-        """Firing rate of the nodes."""
-        return abs_sigmoid(state.u, 100.0, 0.0)
+        """Firing rate of the nodes, 0 below 1/2: the tails of resting ones would be failures."""
+        return rectified(abs_sigmoid(state.u, 100.0, 0.0), 0.5)
 
     def euler(self, intention: Tensor, state: DissatisfactionState) -> DissatisfactionState:
         check_ends("intention", intention, [self.n])

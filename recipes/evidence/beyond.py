@@ -222,17 +222,29 @@ def discrete(group: Population, row: Row) -> Row:
     return result | (after_change(twin, totals, config) if config.then else {})
 
 
+def shortened(group: Population, most: int | None) -> Population:
+    """The same runs, of ``most`` control steps."""
+    config = group.config
+    if most is None or config.steps <= most:
+        return group
+    share = most / config.steps
+    explore, change = round(share * config.explore), round(share * config.change)
+    return replace(group, config=replace(config, steps=most, explore=explore, change=change))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sections", nargs="*", choices=[[], *SECTIONS], default=list(SECTIONS))
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--steps", type=int, help="control steps of a line at most")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("runs/beyond"))
     a = parser.parse_args()
     expected = predictions("beyond")
     for section in a.sections:
         lines = SECTIONS[section](a.seed, a.runs)
+        lines = {name: shortened(group, a.steps) for name, group in lines.items()}
         names = {name: f"{section}-{k}" for k, name in enumerate(lines)}
         jobs = [Job(names[name], group) for name, group in lines.items()]
         total = sum(group.config.steps for group in lines.values())
