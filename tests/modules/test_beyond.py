@@ -231,7 +231,7 @@ def test_an_agent_learns_what_does_not_follow():
         failures.append(agent.failures.float().mean())
     known = agent.deliberation.constraints.suppression
     assert (known * feasible).max() < 0.1  # nothing that is possible is taken for impossible
-    assert failures[1] < 10 < failures[0] / 2
+    assert failures[1] <= 8 and failures[0] > 12  # eight are impossible
 
 
 # ------------------------------------------------------------------ curiosity
@@ -302,7 +302,7 @@ def test_parts_that_do_not_fit_are_refused_in_one_sentence(build, words):
 def test_a_world_without_a_lamp_is_refused_before_the_step():
     agent = DNSarsa(N, curiosity=Curiosity(N, 3))
     held = agent.flat(agent.state)
-    with pytest.raises(ValueError, match="lacks 'lamp', it has .*: ask the world for it"):
+    with pytest.raises(ValueError, match=r"lacks 'lamp', it has .*: ask the world for it"):
         agent({"match": torch.zeros(N)}, torch.tensor(0.0), torch.zeros(N))
     for name, value in agent.flat(agent.state).items():
         assert torch.equal(value, held[name])
