@@ -155,7 +155,7 @@ class SequenceTask:
         """
         length, recent = self.targets.shape[-1], state.recent.unsqueeze(-2)
         counts = range(1, length + 1)
-        right = [(recent[..., length - k :] == self.targets[:, :k]).all(-1) for k in counts]
+        right = [(recent[..., length - k :] == self.targets[..., :k]).all(-1) for k in counts]
         right = [self._rewarded(each, state.age).any(-1) for each in right]
         share = [k / length * each.to(torch.get_default_dtype()) for k, each in zip(counts, right)]
         return torch.stack(share, -1).amax(-1)
