@@ -16,6 +16,7 @@ Beside the agents, where it says so, discrete SARSA(lambda) that chooses by the 
 on two idle cores for all, resumable.
 
     python recipes/evidence/beyond.py search lamp --runs 100 --out runs/beyond
+    python recipes/evidence/beyond.py recall --world ring --lines "GBGYG, recall 1" --runs 60
 """
 
 import argparse
@@ -137,7 +138,7 @@ SECTIONS: dict[str, Callable[[int, int], Lines]] = {
 
 
 def describe(group: Population, events: dict[str, np.ndarray]) -> Row:
-    config, count = group.config, len(group.agents)
+    config, count = group.config, group.batch[0]
     runs = runs_from_events(events, count)
     total = (runs.steps >= 0).sum(1)
     row: Row = {"runs": count, "behaviors": float(total.mean())}
@@ -201,7 +202,7 @@ def after_change(runs: Runs, total: np.ndarray, config: Config) -> Row:
 
 def discrete(group: Population, row: Row) -> Row:
     """SARSA(lambda) with the rates that theory gives the agent, by the rule of the agent."""
-    config, runs = group.config, len(group.agents)
+    config, runs = group.config, group.batch[0]
     theory = theory_of(replace(config, recall=0, then="", change=0))
     rule = Rule(config.noise, config.habituation, config.recovery, depth=config.recall)
     n, length = len(config.colors), len(config.sequence)
@@ -301,11 +302,24 @@ def shortened(group: Population, most: int | None) -> Population:
     return replace(group, config=replace(config, steps=most, explore=explore, change=change))
 
 
+def placed(group: Population, world: str) -> Population:
+    """The same runs among blocks, seen by a camera; there each has a seed of its own."""
+    if world == group.config.world:
+        return group
+    if group.drawn or group.after:
+        raise SystemExit("drawn sequences and worlds are abstract: leave --world out")
+    seeds = tuple(group.config.seed + k for k in group.agents)
+    config = replace(group.config, world=world)
+    return Population(config, seeds=seeds, rows=group.agents, keep_weights=False)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--world", choices=["nodes", "ring"], default="nodes")
+    parser.add_argument("--lines", nargs="+", help="names of lines; by default all")
     parser.add_argument("--steps", type=int, help="control steps of a line at most")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("runs/beyond"))
@@ -315,7 +329,9 @@ def main() -> None:
     expected = predictions("beyond")
     for section in a.sections or SECTIONS:
         lines = SECTIONS[section](a.seed, a.runs)
-        lines = {name: shortened(group, a.steps) for name, group in lines.items()}
+        if a.lines is not None:
+            lines = {name: group for name, group in lines.items() if name in a.lines}
+        lines = {name: placed(shortened(group, a.steps), a.world) for name, group in lines.items()}
         names = {name: f"{section}-{k}" for k, name in enumerate(lines)}
         jobs = [Job(names[name], group) for name, group in lines.items()]
         total = sum(group.config.steps for group in lines.values())
