@@ -64,6 +64,7 @@ class Constraints(Dynamics[ConstraintState]):
 
     lasting = ("suppression",)
     suppression: Tensor
+    learning: Tensor
 
     def __init__(
         self,
@@ -78,6 +79,7 @@ class Constraints(Dynamics[ConstraintState]):
         self.n, self.states = n, check_states(n, states)
         self.learning_rate, self.threshold = learning_rate, threshold
         self.register_buffer("suppression", torch.zeros(n, self.states))
+        self.register_buffer("learning", torch.ones(()), persistent=False)
 
     def check(self) -> None:
         check_positive("learning_rate", self.learning_rate, "leave the part out to learn nothing")
@@ -88,6 +90,11 @@ class Constraints(Dynamics[ConstraintState]):
                 f"learning_rate={fastest} is too large for dt={self.dt}: give at most "
                 f"{1 / self.dt:.4g}"
             )
+
+    @torch.jit.export
+    def learn(self, on: bool = True) -> None:
+        """Switch learning on or off."""
+        self.learning.fill_(float(on))
 
     def initial(self, batch: list[int]) -> ConstraintState:
         """What has been learned, for each member of ``batch``."""
@@ -114,5 +121,5 @@ class Constraints(Dynamics[ConstraintState]):
         check_ends("pulse", pulse, [self.n, self.states])
         offset = rectified(-pulse, self.threshold)
         rates = failing, context, offset, satisfaction
-        rate = wide(self.learning_rate, 2)
+        rate = wide(self.learning_rate, 2) * self.learning
         return ConstraintState(constraint_step(*rates, state.suppression, rate, self.dt))

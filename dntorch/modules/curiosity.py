@@ -74,6 +74,7 @@ class Curiosity(Dynamics[CuriosityState]):
 
     lasting = ("weights",)
     weights: Tensor
+    learning: Tensor
     everywhere: Tensor
 
     def __init__(
@@ -95,6 +96,7 @@ class Curiosity(Dynamics[CuriosityState]):
         self.lamp = lamp or TPCell((1,), dt=dt)
         self.pulses = pulses or TPCell((n, levels), dt=dt)
         self.register_buffer("weights", torch.zeros(n, levels))
+        self.register_buffer("learning", torch.ones(()), persistent=False)
         self.register_buffer("everywhere", torch.ones(n, levels), persistent=False)
 
     def check(self) -> None:
@@ -106,6 +108,11 @@ class Curiosity(Dynamics[CuriosityState]):
                 f"learning_rate={span(self.learning_rate)[1]} is too large for dt={self.dt}: give "
                 f"at most {1 / self.dt:.4g}"
             )
+
+    @torch.jit.export
+    def learn(self, on: bool = True) -> None:
+        """Switch learning on or off."""
+        self.learning.fill_(float(on))
 
     def initial(self, batch: list[int]) -> CuriosityState:
         """At rest, with what has been learned, for each member of ``batch``."""
@@ -134,7 +141,8 @@ class Curiosity(Dynamics[CuriosityState]):
         check_ends("brightness", brightness, [1])
         pairs = coincidence(intention, self.level(brightness), self.everywhere, 0.5)
         offset = rectified(-state.pulses.pulse, self.threshold)
-        change, rate = state.lamp.pulse.unsqueeze(-1), wide(self.learning_rate, 2)
+        change = state.lamp.pulse.unsqueeze(-1)
+        rate = wide(self.learning_rate, 2) * self.learning
         return CuriosityState(
             self.lamp.euler(brightness, state.lamp),
             self.pulses.euler(pairs, state.pulses),

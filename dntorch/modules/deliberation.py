@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 from dntorch.cells.functions import is_on
@@ -66,6 +67,14 @@ class Deliberation(Dynamics[DeliberationState]):
         check_parts(self, self.n)
         if self.constraints is not None:
             check_states_fit("constraints", self.constraints.states, self.states)
+
+    @torch.jit.export
+    def learn(self, on: bool = True) -> None:
+        """Switch learning on or off in the parts that learn."""
+        if self.constraints is not None:
+            self.constraints.learn(on)
+        if self.curiosity is not None:
+            self.curiosity.learn(on)
 
     def weigh(
         self,

@@ -71,7 +71,7 @@ class DNSarsa(Dynamics[AgentState]):
     Shapes: ``observation`` a dict of tensors with the names in ``senses``, as the sensorimotor
     part wants them; ``reward`` ``(*batch,)``; ``noise`` on the values of actions ``(*batch, n)``
     (see `dntorch.noise.Exploration`; zeros are exploitation); the output is the action.
-    State: `AgentState`, at rest but for the long-term memory of values and the two counts, which
+    State: `AgentState`, at rest but for the long-term memory of values and the three counts, which
     go on over the agent's life: ``reset`` keeps them, ``forget`` makes them 0; they are in a
     snapshot, but in no checkpoint of learned values.
 
@@ -176,6 +176,7 @@ class DNSarsa(Dynamics[AgentState]):
     def learn(self, on: bool = True) -> None:
         """Switch learning on or off."""
         self.learner.values.learn(on)
+        self.deliberation.learn(on)
 
     def output(self, state: AgentState) -> Tensor:
         """The action."""

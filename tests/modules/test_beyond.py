@@ -259,6 +259,21 @@ def test_an_agent_with_a_lamp_finds_long_sequences():
     assert sum(k is not None for k in first) >= 7  # of 3,750 sequences, within 100 behaviours
 
 
+def test_learning_switched_off_stops_in_every_part():
+    agent = DNSarsa(
+        N, behaviors=waiting(), constraints=Constraints(N), curiosity=Curiosity(N, 6)
+    ).spread(3)
+    world = NodesWorld(senses=("match", "lamp"), feasible=torch.eye(N).roll(1, 0).bool())
+    agent.learn(False)
+    live(agent, world, 1500)
+    learned = {k: v for k, v in agent.state_dict().items()}
+    assert len(learned) == 3 and not any(v.any() for v in learned.values())
+    agent.learn()
+    live(agent, world, 1500)
+    assert agent.deliberation.constraints.suppression.any()
+    assert agent.deliberation.curiosity.weights.any()
+
+
 # ------------------------------------------------------------------ what does not fit
 
 
