@@ -1,10 +1,12 @@
 r"""Suppression weights: which behaviour fails in which state.
 
 .. math:: \dot S_{ij} = \eta \big((1 - S_{ij})\, d_i s_j - S_{ij}\, o_{ij} c_i\big)
+          - \frac{S_{ij}}{\tau_f}
 """
 
 from torch import Tensor
 
+from dntorch.cells.functions import rectified
 from dntorch.number import Number, either
 
 
@@ -16,9 +18,11 @@ def constraint_step(
     satisfaction: Tensor,
     weights: Tensor,
     learning_rate: Number,
+    fade: Number,
     dt: float,
 ) -> Tensor:
     """One Euler step of ``dt`` seconds; ``weights`` is ``[action, state]``, within 0 and 1."""
-    failed = failing.unsqueeze(-1) * context.unsqueeze(-2)
+    failed = failing.unsqueeze(-1) * rectified(context, 0.5).unsqueeze(-2)
     succeeded = offset * satisfaction.unsqueeze(-1)
-    return weights + dt * learning_rate * ((1 - weights) * failed - weights * succeeded)
+    learned = learning_rate * ((1 - weights) * failed - weights * succeeded)
+    return weights + dt * (learned - weights / fade)

@@ -9,7 +9,7 @@ all rows are multiplied.
 import torch
 from torch import Tensor
 
-from dntorch.cells.functions import is_on
+from dntorch.cells.functions import is_on, rectified
 from dntorch.number import Number, either
 
 
@@ -34,7 +34,8 @@ def habituation_step(
     """One Euler step of ``dt`` seconds; ``spent`` is ``[context, behaviour]``."""
     numbers = torch.arange(spent.shape[-2], dtype=torch.int32, device=spent.device)
     here = numbers == number.to(torch.int32).unsqueeze(-1)  # half as long: twice as fast
-    use = torch.where(here.unsqueeze(-1), (intention / fatigue).unsqueeze(-2), 0)
+    running = rectified(intention, 0.5) / fatigue  # the tails of those at rest would add up
+    use = torch.where(here.unsqueeze(-1), running.unsqueeze(-2), 0)
     return spent + dt * ((1 - spent) * use - spent / recovery)
 
 

@@ -30,8 +30,8 @@ def normalized_values(
     """Value of each action in the current state, 1 for the best, ``(*batch, n)``.
 
     ``weights`` is ``[action, state]``; ``context`` the firing rate of each state. Rates below
-    1/2 are ignored; small ones of resting nodes would sum to a spurious state. ``available`` is
-    1, or true, for actions that may be taken, 0 for those that may not.
+    1/2 are ignored; small ones of resting nodes would sum to a spurious state. ``available``, 0 to
+    1, is what is left of each action: 0 for one that may not be taken.
     """
     learned = (weights * is_on(context).unsqueeze(-2)).sum(-1)
     worth = ((learned + noise).clamp_min(0.0) + baseline) * available

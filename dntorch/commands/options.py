@@ -14,11 +14,14 @@ from dntorch.runs.config import AUTONOMOUS, FIELDS, LONGEST, Config, check_setti
 from dntorch.runs.settings import read_settings
 
 
-def options_of_a_run(without: tuple[str, ...] = (), **defaults: Any) -> Callable:
+def options_of_a_run(
+    without: tuple[str, ...] = (), autonomous: bool = True, **defaults: Any
+) -> Callable:
     """Decorate a command with ``--config`` and an option for each field of `Config`.
 
     Args:
         without: fields that are no option of the command.
+        autonomous: whether there is ``--autonomous``.
         defaults: of the command, where they differ from those of `Config`.
     """
 
@@ -26,7 +29,8 @@ def options_of_a_run(without: tuple[str, ...] = (), **defaults: Any) -> Callable
         for name, field in reversed(FIELDS.items()):
             if name not in without:
                 function = _option(field, defaults.get(name, field.default))(function)
-        return _AUTONOMOUS(_FILE(function))
+        function = _FILE(function)
+        return _AUTONOMOUS(function) if autonomous else function
 
     return decorate
 
@@ -38,11 +42,14 @@ def build_config(file: Path | None, values: Mapping[str, Any]) -> Config:
     autonomous one has no phases: all of it is.
     """
     context = click.get_current_context(silent=True)
-    unsaid = context and context.get_parameter_source("explore") is ParameterSource.DEFAULT
+    source = context and context.get_parameter_source("explore")
     autonomous, values = values.get("autonomous"), {k: values[k] for k in FIELDS if k in values}
-    if unsaid and autonomous:
-        values["explore"] = values["steps"]
-    elif unsaid and values["explore"] > values["steps"]:
+    if autonomous:
+        if source is not ParameterSource.COMMANDLINE:
+            values["explore"] = values["steps"]
+        used = {name: values[name] for name in (*AUTONOMOUS, "explore")}
+        click.echo(f"autonomous: {_as_options(used)}", err=True)
+    elif source is ParameterSource.DEFAULT and values["explore"] > values["steps"]:
         values["explore"] = values["steps"] // 2
     try:
         return Config(**values)
@@ -59,8 +66,11 @@ def spelled(config: Config, **defaults: Any) -> str:
     '--noise 5.0'
     """
     usual = vars(Config()) | defaults
-    given = {name: value for name, value in vars(config).items() if value != usual[name]}
-    return " ".join(f"--{name.replace('_', '-')} {value}" for name, value in given.items())
+    return _as_options({k: value for k, value in vars(config).items() if value != usual[k]})
+
+
+def _as_options(values: Mapping[str, Any]) -> str:
+    return " ".join(f"--{name.replace('_', '-')} {value}" for name, value in values.items())
 
 
 def _option(field: Field, default: Any) -> Callable:
@@ -110,25 +120,23 @@ LETTERS = {
 
 def _take_defaults(context: click.Context, _: click.Parameter, file: Path | None) -> Path | None:
     if file is not None:
-        context.default_map = {**(context.default_map or {}), **read_settings(file)}
+        context.default_map = {**read_settings(file), **(context.default_map or {})}
     return file
 
 
 def _take_set(context: click.Context, _: click.Parameter, on: bool) -> bool:
-    """The set of an autonomous agent, below what a file says."""
+    """The set of an autonomous agent, above what a file says: a run's file says everything."""
     if on:
-        context.default_map = {**AUTONOMOUS, **(context.default_map or {})}
+        context.default_map = {**(context.default_map or {}), **AUTONOMOUS}
     return on
 
-
-SET = ", ".join(f"--{name.replace('_', '-')} {value}" for name, value in AUTONOMOUS.items())
 
 _AUTONOMOUS = click.option(
     "--autonomous",
     is_flag=True,
     is_eager=True,
     callback=_take_set,
-    help=f"An agent without phases: {SET}, --explore as long as --steps.",
+    help=f"An agent without phases: {_as_options(AUTONOMOUS)}, and --explore as long as --steps.",
 )
 
 

@@ -25,12 +25,15 @@ from dntorch.runs.worlds import WORLDS
 if TYPE_CHECKING:
     from dntorch.paper.study import Study
 
+#: With these the paper's claims say nothing.
+OTHER_TASKS = ("recall", "then", "change", "missing")
+
 OPTIONS = "options.pt"
 """What a folder was begun with."""
 
 
 @click.command(cls=Computing)
-@options_of_a_run(world="nodes")
+@options_of_a_run(without=OTHER_TASKS, autonomous=False, world="nodes")
 @click.option("--runs", type=whole(1, MOST_RUNS), default=1000, show_default=True)
 @click.option("--processes", type=whole(1, MOST_PROCESSES), default=2, show_default=True)
 @click.option(

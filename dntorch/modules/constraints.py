@@ -7,7 +7,13 @@ from torch import Tensor
 
 from dntorch.cells.constraints import constraint_step
 from dntorch.cells.functions import rectified
-from dntorch.checks import check_count, check_ends, check_positive, check_states
+from dntorch.checks import (
+    check_count,
+    check_ends,
+    check_positive,
+    check_states,
+    check_time_constant,
+)
 from dntorch.dynamics import Dynamics
 from dntorch.memory import extended
 from dntorch.number import Number, span, wide
@@ -22,8 +28,10 @@ class Constraints(Dynamics[ConstraintState]):
     r"""Weights from states to actions that failures teach and successes unlearn.
 
     .. math::
-        \dot S_{ij} = \eta \big((1 - S_{ij})\, d_i s_j - S_{ij}\, o_{ij} c_i\big), \qquad
-        a_i = 1 - \sum_j S_{ij} s_j
+        \dot S_{ij} = \eta \big((1 - S_{ij})\, d_i s_j - S_{ij}\, o_{ij} c_i\big)
+            - \frac{S_{ij}}{\tau_f}, \qquad
+        a_i = \max\Big(1 - \sum_j S_{ij} s_j,\ 10^{-3}\Big), \qquad
+        o_{ij} = [-TP_{ij}]_+
 
     ================  ==================  ====  ===============================================
     symbol            here                unit  meaning
@@ -31,25 +39,29 @@ class Constraints(Dynamics[ConstraintState]):
     :math:`S`         ``suppression``     1     suppression ``[action, state]``, 0 to 1
     :math:`d`         ``failing``         1     rates of the conditions of dissatisfaction
     :math:`s`         ``context``         1     the state: the behaviour completed last
-    :math:`o`         ``pulse``           1     offset pulses of the pairs, above ``threshold``
+    :math:`TP`        ``pulse``           1     pulse cells of the learner's pairs; negative when
+                                                a pair goes off, counted above ``threshold``
     :math:`c`         ``satisfaction``    1     rates of the conditions of satisfaction
     :math:`a`         `allowed`           1     what is left of each action's share
     :math:`\eta`      ``learning_rate``   1/s   one failure, or success, is enough at 20
+    :math:`\tau_f`    ``fade``            s     time constant of forgetting
     ================  ==================  ====  ===============================================
 
     A failure of behaviour i in state j teaches that i does not follow j; a success in that state
     unlearns it. `allowed` multiplies what an action is worth before the best is given the value 1
     (``available`` of `ValueNodes`), so that the best of those that are left is chosen as surely as
-    before. Suppression never is complete: where all fail, the least suppressed is tried again.
+    before. No share is 0: where all are suppressed, the best of them is tried. An action that is
+    barred is not tried while another is left, so one that failed by accident comes back when its
+    suppression has faded by half.
 
-    ``learning_rate`` may be a tensor ``(*batch,)``, one number per agent.
+    ``learning_rate`` and ``fade`` may be tensors ``(*batch,)``, one number per agent.
 
     Shapes: ``failing`` and ``satisfaction`` ``(*batch, n)``, ``context`` ``(*batch, states)``,
     ``pulse`` and output (suppression after the step) ``(*batch, n, states)``.
     State: ``ConstraintState(suppression)``, **long-term memory** as in `HebbianQ`.
 
     Raises:
-        ValueError: ``learning_rate`` not positive, or too large for ``dt``.
+        ValueError: ``learning_rate`` not positive, or too large for ``dt``; ``dt > fade``.
 
     Source: the constraints between behaviours of Richter, Sandamirskaya and Schöner 2012, there
     given; learning them is the last sentence of future work of the paper. Not in the paper.
@@ -70,6 +82,7 @@ class Constraints(Dynamics[ConstraintState]):
         self,
         n: int,
         learning_rate: Number = 20.0,
+        fade: Number = 1e4,
         threshold: float = 0.05,
         states: int | None = None,
         dt: float = 1 / 32,
@@ -77,13 +90,14 @@ class Constraints(Dynamics[ConstraintState]):
         super().__init__(dt)
         check_count("n", n, 2)
         self.n, self.states = n, check_states(n, states)
-        self.learning_rate, self.threshold = learning_rate, threshold
+        self.learning_rate, self.fade, self.threshold = learning_rate, fade, threshold
         self.register_buffer("suppression", torch.zeros(n, self.states))
         self.register_buffer("learning", torch.ones(()), persistent=False)
 
     def check(self) -> None:
         check_positive("learning_rate", self.learning_rate, "leave the part out to learn nothing")
         check_positive("threshold", self.threshold, "at 0 a pulse never ends")
+        check_time_constant("fade", self.fade, self.dt)
         _, fastest = span(self.learning_rate)
         if self.dt * fastest > 1:
             raise ValueError(
@@ -122,4 +136,5 @@ class Constraints(Dynamics[ConstraintState]):
         offset = rectified(-pulse, self.threshold)
         rates = failing, context, offset, satisfaction
         rate = wide(self.learning_rate, 2) * self.learning
-        return ConstraintState(constraint_step(*rates, state.suppression, rate, self.dt))
+        fade = wide(self.fade, 2)
+        return ConstraintState(constraint_step(*rates, state.suppression, rate, fade, self.dt))

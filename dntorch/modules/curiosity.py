@@ -45,8 +45,10 @@ class Curiosity(Dynamics[CuriosityState]):
 
     The detectors are those of the learner (`TPCell`), the reward is the change of the lamp. Its
     value is immediate, without discounted future: one would give a value to every detour that
-    leads back to the lamp, also to those that explore nothing. It is added to the learned values
-    and, as they, yields to none of the noise once it is there.
+    leads back to the lamp, also to those that explore nothing. It is added to the learned values.
+    At the highest level there are no pairs: what follows a completed sequence is not to blame that
+    the lamp goes out. While an intention outlasts the change that it made, its pair with the new
+    level learns, too: of the behaviour that was just finished, and is not available there.
 
     ``learning_rate`` and ``gain`` may be tensors ``(*batch,)``, one number per agent.
 
@@ -75,7 +77,7 @@ class Curiosity(Dynamics[CuriosityState]):
     lasting = ("weights",)
     weights: Tensor
     learning: Tensor
-    everywhere: Tensor
+    below: Tensor
 
     def __init__(
         self,
@@ -97,7 +99,9 @@ class Curiosity(Dynamics[CuriosityState]):
         self.pulses = pulses or TPCell((n, levels), dt=dt)
         self.register_buffer("weights", torch.zeros(n, levels))
         self.register_buffer("learning", torch.ones(()), persistent=False)
-        self.register_buffer("everywhere", torch.ones(n, levels), persistent=False)
+        below = torch.ones(n, levels)
+        below[:, -1] = 0
+        self.register_buffer("below", below, persistent=False)
 
     def check(self) -> None:
         check_positive("learning_rate", self.learning_rate, "leave the part out to learn nothing")
@@ -139,7 +143,7 @@ class Curiosity(Dynamics[CuriosityState]):
     def euler(self, intention: Tensor, brightness: Tensor, state: CuriosityState) -> CuriosityState:
         check_ends("intention", intention, [self.n])
         check_ends("brightness", brightness, [1])
-        pairs = coincidence(intention, self.level(brightness), self.everywhere, 0.5)
+        pairs = coincidence(intention, self.level(brightness), self.below, 0.5)
         offset = rectified(-state.pulses.pulse, self.threshold)
         change = state.lamp.pulse.unsqueeze(-1)
         rate = wide(self.learning_rate, 2) * self.learning

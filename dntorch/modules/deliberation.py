@@ -47,6 +47,15 @@ class Deliberation(Dynamics[DeliberationState]):
         ValueError: parts of another size or ``dt``; constraints of other states than recall's.
 
     Not in the paper.
+
+    >>> import torch
+    >>> parts, none = Deliberation(2, habituation=Habituation(2, order=1)), torch.zeros(2)
+    >>> done, noise, seen = torch.eye(2)[0], torch.ones(2), {"match": none}
+    >>> for _ in range(64):  # behaviour 1 runs after behaviour 0: it is new no more
+    ...     weighed = parts(torch.eye(2)[1], done, none, torch.zeros(2, 2), noise, seen)
+    >>> context, tried, available = weighed
+    >>> context.tolist(), tried.round(decimals=2).tolist(), available.tolist()
+    ([1.0, 0.0], [1.0, 0.0], [False, True])
     """
 
     def __init__(

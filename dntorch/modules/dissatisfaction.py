@@ -35,8 +35,9 @@ class Dissatisfaction(Dynamics[DissatisfactionState]):
     :math:`c_{in}`    ``gain``       1     drives a node whose time is over
     ================  =============  ====  ====================================================
 
-    The node inhibits its intention (`ElementaryBehaviors`), so that the waiting is forgotten and
-    the node goes off again, a third of a second later.
+    The waiting counts up to twice the patience. The node inhibits its intention
+    (`ElementaryBehaviors`), so that the waiting is forgotten and the node goes off again, a third
+    of a second later.
 
     The numbers may be tensors ``(*batch,)``, one per agent.
 

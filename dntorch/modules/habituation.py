@@ -62,7 +62,8 @@ class Habituation(Dynamics[HabituationState]):
         recall: keeps the completions before the last, ``Recall(n, order - 1)``.
 
     Raises:
-        ValueError: ``dt`` longer than a time constant, more than 4,194,304 cells.
+        ValueError: ``dt`` longer than a time constant, ``sharpness`` not positive, more than
+            4,194,304 cells, a ``recall`` of another depth.
 
     Source: the habituative transmitter gate of Grossberg, "How does a brain build a cognitive
     code?", Psychological Review 87, 1980. Not in the paper, which names exploration better than

@@ -21,8 +21,8 @@ class ValueNodes(Dynamics[ValueState]):
     :math:`d`            ``value``         1     activation of the value nodes
     :math:`s`            ``context``       1     the state: 1 for nodes with an output above
                                                  1/2, else 0; in the paper the CoS nodes
-    :math:`a`            ``available``     1     1 for actions that may be taken, else 0: in
-                                                 the paper all but the finished one
+    :math:`a`            ``available``     1     0 to 1, what is left of an action: 0 for the
+                                                 finished one, 1 for others (`Constraints`: less)
     :math:`W`            ``weights``       1     values ``[action, state]``
     :math:`\xi`          ``noise``         1     exploration, one number per action
     :math:`\tau`         ``tau``           s     time constant

@@ -34,6 +34,18 @@ class Population(Group):
     after: int = 0
     """after how many others each behaviour is possible, drawn for each agent; 0: after all"""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n, abstract = self.n, self.config.world == "nodes"
+        if (self.count or self.after) and not (abstract and self.drawn):
+            raise ValueError(
+                f"count={self.count}, after={self.after}: give world='nodes' and drawn=True, too"
+            )
+        if self.drawn and (self.config.then or self.tasks or self.config.missing or self.variant):
+            raise ValueError("drawn=True knows no then, tasks, missing or variant: leave them out")
+        if self.after >= n:
+            raise ValueError(f"after={self.after}: there are {n - 1} others, give fewer")
+
     @property
     def n(self) -> int:
         return self.count or len(self.config.colors)

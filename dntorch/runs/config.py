@@ -89,26 +89,32 @@ class Config:
         0.5, "Seconds of rest before a block that find it, in worlds seen.", within=_above_zero(60)
     )
     recall: int = _setting(
-        0, "Completions before the last one that make a state with it.", within=_whole(0, 3)
+        0, "How many completions before the last belong to the state.", within=_whole(0, 3)
     )
     habituation: int = _setting(
         -1,
-        "Completions that make a context in which noise prefers what is fresh; -1: it does not.",
+        "Exploration prefers what is fresh after this many completions; -1: it does not.",
         within=_whole(-1, 8),
     )
     recovery: float = _setting(
-        1200.0, "Time constant with which it becomes fresh again, s.", within=_above_zero(1e6)
+        1200.0,
+        "Time constant with which a behaviour becomes fresh again (--habituation), s.",
+        within=_above_zero(1e6),
     )
     patience: float = _setting(
-        0.0, "Seconds after which a vain intention ends; 0: never.", within=Interval(0, 3600)
+        0.0,
+        "Seconds after which an intention without success is given up; 0: never.",
+        within=Interval(0, 3600),
     )
     constraints: float = _setting(
         0.0,
-        "Rate at which failures teach what does not follow, 1/s; 0: none.",
+        "Learning rate of constraints, what failed after what, 1/s; 0: no constraints.",
         within=Interval(0, 30),
     )
     curiosity: float = _setting(
-        0.0, "Intrinsic reward of a lamp that shows progress; 0: no lamp.", within=Interval(0, 100)
+        0.0,
+        "Size of the intrinsic reward of a lamp that shows progress; 0: no lamp.",
+        within=Interval(0, 100),
     )
     then: str = _setting("", "Another sequence, which is rewarded from step --change on.")
     change: int = _setting(0, "Control step of that change; 0: none.", within=_whole(0, LONGEST))
@@ -151,9 +157,15 @@ class Config:
                 raise ValueError(
                     f"then={self.then}: give a sequence as long as sequence={self.sequence}"
                 )
-        if set(self.missing) - set(self.colors) or len(set(self.colors) - set(self.missing)) < 2:
+        if self.change >= self.steps:
+            raise ValueError(f"change={self.change}: give a step before steps={self.steps}")
+        if self.recovery != FIELDS["recovery"].default and self.habituation < 0:
+            raise ValueError(f"recovery={self.recovery} of no habituation: give habituation, too")
+        left, doubled = set(self.colors) - set(self.missing), len(set(self.missing))
+        if set(self.missing) - set(self.colors) or len(left) < 2 or doubled < len(self.missing):
             raise ValueError(
-                f"missing={self.missing}: give letters of colors={self.colors} that leave two"
+                f"missing={self.missing}: give different letters of colors={self.colors} that "
+                "leave two"
             )
         if self.constraints and not self.patience:
             raise ValueError(
@@ -199,10 +211,10 @@ def kept_config(values: Any, path: Path) -> Config:
 
 
 AUTONOMOUS: dict[str, Any] = {
-    "noise": 0.1, "learning_rate": 0.2, "habituation": 4, "patience": 20.0
+    "noise": 0.1, "learning_rate": 0.2, "habituation": 4, "patience": 20.0, "constraints": 20.0
 }  # fmt: skip
 """One set of numbers for an agent without phases: small noise all its life, which yields to what
-was learned and prefers what is fresh, and an end to what is in vain."""
+was learned and prefers what is fresh; an end to what is in vain, which is remembered."""
 
 FIELDS = {each.name: each for each in fields(Config)}
 """Of a config, by name."""

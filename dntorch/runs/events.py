@@ -28,7 +28,7 @@ class Log(NamedTuple):
     onset: Tensor
     """step and colour, ``(*batch, ROWS, 2)``"""
     weights: Tensor
-    """``[action, state]``, ``(*batch, ROWS, n, n)``"""
+    """``[action, state]``, ``(*batch, ROWS, n, states)``"""
     error: Tensor
     """integrals of v and |v| since the onset before, ``(*batch, ROWS, 2)``"""
     running: Tensor
@@ -48,7 +48,7 @@ class Events:
     ================  =====================  ==================================================
     ``onset``         ``(events, 3)``        agent, step and colour of a CoS node that came on
     ``error``         ``(events, 2)``        integrals of v and \\|v\\| since the onset before
-    ``weights``       ``(events, n, n)``     values ``[action, state]`` at an onset
+    ``weights``       ``(events, n, s)``     values ``[action, state]`` at an onset
     ``find``          ``(events, 3 + 1)``    agent, step, colour, whether it was rewarded
     ================  =====================  ==================================================
 

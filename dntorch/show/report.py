@@ -73,6 +73,7 @@ MEANING = {
     "first_reward_step": "step of the first completed sequence",
     "found_in_exploration": "the sequence was first completed while exploring",
     "optimal_at_end": "the last behaviours repeated the rewarded sequence with hardly an error",
+    "failures": "intentions that were given up without success",
     "disagreements": "behaviours that agent and world saw differently",
     "longest_intention_overlap": "most steps in a row with two intentions on",
     "longest_cos_overlap": "most steps in a row with two CoS nodes on",
