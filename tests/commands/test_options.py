@@ -51,7 +51,7 @@ def fails(monkeypatch, capsys, *arguments: object) -> str:
 
 @pytest.mark.parametrize("name", ["learn", "reproduce", "sweep"])
 def test_each_field_is_an_option(name: str) -> None:
-    left_out = {"seed"} if name == "sweep" else set()
+    left_out = {"sweep": {"seed"}, "reproduce": set(OTHER_TASKS)}.get(name, set())
     options = {p.name: p for p in group.commands[name].params}
     for field in fields(Config):
         assert (field.name in options) == (field.name not in left_out)
