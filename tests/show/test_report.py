@@ -17,7 +17,9 @@ pytest.importorskip("jinja2")
 from dntorch.modules.behaviors import ElementaryBehaviors
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
+from dntorch.runs import train
 from dntorch.runs.record import Record
+from dntorch.runs.run import Trial
 from dntorch.show import extracts, figures
 from dntorch.show.report import write_report
 
@@ -141,6 +143,17 @@ def test_the_report_is_one_file_with_every_number(tmp_path):
             row = rf"<code>{name}</code></td><td class=\"number\">(<b>)?{re.escape(str(value))}<"
             assert re.search(row, table), name
     assert ", ".join(map(str, content["rewards"])) in table
+
+
+def test_a_run_whose_states_are_several_completions_has_figures_and_a_report(tmp_path):
+    config = Config(world="nodes", steps=40, explore=40, colors="GB", sequence="GB", recall=1)
+    trial = Trial(config)
+    trial.advance(40)
+    trial.agent.weights[1, 2] = 0.5  # G after B, then G
+    figures.write_figures(trial.record, config, tmp_path)
+    page = unescape(write_report(tmp_path, train.results(trial, 40, 1.0), config).read_text())
+    rows = re.findall(r"<th><span class=\"tile\"[^>]*>(\w+)</span></th>\s*<td", page)
+    assert rows == ["GG", "BG", "GB", "BB"] and page.count(">0.5000<") == 1
 
 
 @pytest.mark.parametrize("content", [{}, {"rewards": [], "first_reward_step": None, "odd": [[1]]}])
