@@ -37,19 +37,28 @@ def build_config(file: Path | None, values: Mapping[str, Any]) -> Config:
     Of a run shorter than the default exploration, half is exploration unless it was said. An
     autonomous one has no phases: all of it is.
     """
-    context = click.get_current_context(silent=True)
-    unsaid = context and context.get_parameter_source("explore") is ParameterSource.DEFAULT
-    autonomous, values = values.get("autonomous"), {k: values[k] for k in FIELDS if k in values}
-    if unsaid and autonomous:
-        values["explore"] = values["steps"]
-    elif unsaid and values["explore"] > values["steps"]:
-        values["explore"] = values["steps"] // 2
+    own = {name: values[name] for name in FIELDS if name in values}
+    if exploration_is_open():
+        own["explore"] = explored(own["steps"], bool(values.get("autonomous")))
     try:
-        return Config(**values)
+        return Config(**own)
     except ValueError as error:
         if file is None:
             raise
         raise ValueError(f"{error} (with --config {file})") from error
+
+
+def exploration_is_open() -> bool:
+    """Whether neither the command line nor a file says how long to explore."""
+    context = click.get_current_context(silent=True)
+    source = context and context.get_parameter_source("explore")
+    return source is ParameterSource.DEFAULT
+
+
+def explored(steps: int, autonomous: bool) -> int:
+    """Control steps of exploration of a run that leaves them open."""
+    usual = Config.explore
+    return steps if autonomous else usual if usual <= steps else steps // 2
 
 
 def spelled(config: Config, **defaults: Any) -> str:

@@ -78,6 +78,10 @@ def reproduce(context, file, runs, processes, out, resume, **options) -> None:
 
 def _check(config: Config, runs: int) -> None:
     """Raise for runs that cannot be made, before there is a folder."""
+    if config.recall:
+        raise ValueError(
+            f"--recall={config.recall}: the claims are about states of one completion, leave it out"
+        )
     row = WORLDS[config.world]
     require(*row.packages, instead="give --world ring")
     if not row.numbered and config.seed + runs - 1 not in FIELDS["seed"].metadata["within"]:
