@@ -91,6 +91,22 @@ def test_only_an_agent_without_phases_acts_with_noise():
     assert build_lifelong(Config(steps=100, explore=100)) is None  # it was to exploit later
 
 
+def test_a_robot_shows_an_agent_its_lamp():
+    """It is that of what the agent has reported."""
+    config = beyond(world="ring", sequence="GB")
+    env, _, _ = emulated(config, 0, Calibration(fov=0.656, fps=8.0), kind=RingEnv)
+    agent, seen = fit(build_agent(config), config, env.calibration), []
+    trip = Trip.of(agent, config)
+    drives = acting(agent, build_lifelong(config))
+
+    def act(observation, reward):
+        wheels, _ = drives(observation, reward)
+        return wheels, config.colors.index("G") if len(seen) == 8 else NOTHING
+
+    perform(env, act, trip, 12, each=lambda step: seen.append(float(step.observation["lamp"][0])))
+    assert seen == [0.0] * 8 + [0.5] * 4
+
+
 def lose_blue(constraints: float) -> tuple[str, str, int, int]:
     """What a robot finds that knows G-B-R-G, before and after blue is taken away while it looks
     for it; how often it fails then, and with how many intentions of blue."""

@@ -201,6 +201,19 @@ def test_a_film_ends_after_its_behaviours(tmp_path, monkeypatch):
     assert 2 < len(frames(path)) <= video.STEPS_EACH / 16 + 1
 
 
+@pytest.mark.parametrize("explore", [60, 30])
+def test_an_agent_without_phases_is_filmed_with_its_noise(explore):
+    film = pytest.importorskip("dntorch.show.film")
+    config = Config(
+        world="ring", steps=60, explore=explore, seed=1, missing="B", sequence="GYRG", patience=9.0
+    )
+    actor, trial = build_agent(config), Trial(config)
+    list(film._play(actor, config, behaviors=8, stride=10, max_steps=30))
+    trial.advance(30)
+    filmed, lived = (a.behaviors.intention.u.argmax() for a in (actor, trial.agent))
+    assert (filmed == lived) == (explore == 60)
+
+
 @pytest.mark.parametrize(("dt", "fps"), [(0.05, 8), (0.1, 8), (0.08, 25), (1 / 32, 8)])
 def test_a_film_is_as_long_as_what_happens_in_it(dt, fps, tmp_path):
     cv2 = pytest.importorskip("cv2")
