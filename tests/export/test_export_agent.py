@@ -92,7 +92,12 @@ def test_a_run_with_every_part_is_exported_with_a_record_of_each(whole, tmp_path
     assert lasting >= {"deliberation.constraints.suppression", "deliberation.curiosity.weights"}
     assert golden["run/next.failures"][-1] >= 1 and np.nanmax(golden["run/reward"]) > 0
     assert {0.0, 0.5, 1.0} == set(golden["run/lamp"].ravel().tolist())
-    for part in ("recall.u", "habituation.recall.u", "constraints.suppression", "curiosity.weights"):
+    for part in (
+        "recall.u",
+        "habituation.recall.u",
+        "constraints.suppression",
+        "curiosity.weights",
+    ):
         values = golden[f"run/next.deliberation.{part}"]
         assert not np.array_equal(values[0], values[-1]), part
     spent = golden["pairs/next.deliberation.habituation.spent"]

@@ -252,7 +252,9 @@ def test_a_reset_forgets_the_activation_and_keeps_what_was_learned(
     if carried:
         policy.adopt(batch)
     learned = policy.agent.state_dict()
-    assert len(learned) == (1 if len(parts) == 1 else 3) and all(each.any() for each in learned.values())
+    assert len(learned) == (1 if len(parts) == 1 else 3) and all(
+        each.any() for each in learned.values()
+    )
 
 
 @FORMS

@@ -15,9 +15,9 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
 
 from dntorch.modules.behaviors import ElementaryBehaviors
+from dntorch.runs import train
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
-from dntorch.runs import train
 from dntorch.runs.record import Record
 from dntorch.runs.run import Trial
 from dntorch.show import extracts, figures
