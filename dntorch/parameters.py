@@ -85,7 +85,7 @@ class Parameters(nn.Module):
                 self.resize(*self.origin.shape)
         except Exception:
             self._place(name, before)
-            if part and isinstance(before, Parameters):
+            if isinstance(before, Parameters) and before.origin.shape != self.origin.shape:
                 before.resize(*self.origin.shape)
             raise
 
@@ -103,7 +103,7 @@ class Parameters(nn.Module):
                 "another one"
             )
         if not isinstance(value, type(before)):
-            raise TypeError(f"{name}={value!r} is no {type(before).__name__}: give one")
+            raise TypeError(f"{name}={named(value)} is no {type(before).__name__}: give one")
         sizes = [
             {k: list(x.shape) for k, x in part.flat(part.initial([])).items()}
             for part in (before, value.select(0) if value.origin.dim() else value)
@@ -137,7 +137,7 @@ class Parameters(nn.Module):
         name, default = argument.name, argument.default
         parts = [k for k in _kinds(argument.annotation) if issubclass(k, nn.Module)]
         if parts and not isinstance(value, (*parts, type(None))):
-            raise TypeError(f"{name}={value!r} is no {parts[0].__name__}: give one")
+            raise TypeError(f"{name}={named(value)} is no {parts[0].__name__}: give one")
         if argument.annotation not in _NUMERIC or (value is None and default is None):
             return value
         if isinstance(value, Tensor) and argument.annotation in _MANY:
@@ -215,3 +215,8 @@ def check_batch(structure: nn.Module, batch: list[int]) -> None:
                     f"{where} of shape {shape} does not fit the batch {batch}: give one number, or "
                     "one for each agent; call resize(*batch) or spread(*batch) before"
                 )
+
+
+def named(value: Any) -> str:
+    """A value in a sentence of one line: of a module its kind."""
+    return type(value).__name__ if isinstance(value, nn.Module) else repr(value)

@@ -41,22 +41,35 @@ def build_config(file: Path | None, values: Mapping[str, Any]) -> Config:
     Of a run shorter than the default exploration, half is exploration unless it was said. An
     autonomous one has no phases: all of it is.
     """
-    context = click.get_current_context(silent=True)
-    source = context and context.get_parameter_source("explore")
-    autonomous, values = values.get("autonomous"), {k: values[k] for k in FIELDS if k in values}
-    if autonomous:
-        if source is not ParameterSource.COMMANDLINE:
-            values["explore"] = values["steps"]
-        used = {name: values[name] for name in (*AUTONOMOUS, "explore")}
-        click.echo(f"autonomous: {_as_options(used)}", err=True)
-    elif source is ParameterSource.DEFAULT and values["explore"] > values["steps"]:
-        values["explore"] = values["steps"] // 2
+    own = {name: values[name] for name in FIELDS if name in values}
+    autonomous = bool(values.get("autonomous"))
+    if exploration_is_open(autonomous):
+        own["explore"] = explored(own["steps"], autonomous)
     try:
-        return Config(**values)
+        config = Config(**own)
     except ValueError as error:
         if file is None:
             raise
         raise ValueError(f"{error} (with --config {file})") from error
+    if autonomous:
+        used = {name: own[name] for name in (*AUTONOMOUS, "explore")}
+        click.echo(f"autonomous: {_as_options(used)}", err=True)
+    return config
+
+
+def exploration_is_open(autonomous: bool) -> bool:
+    """Whether neither the command line nor a file, which an autonomous run overrules, says how
+    long to explore."""
+    context = click.get_current_context(silent=True)
+    source = context and context.get_parameter_source("explore")
+    said_by = (ParameterSource.DEFAULT, ParameterSource.DEFAULT_MAP)
+    return source in said_by if autonomous else source is ParameterSource.DEFAULT
+
+
+def explored(steps: int, autonomous: bool) -> int:
+    """Control steps of exploration of a run that leaves them open."""
+    usual = Config.explore
+    return steps if autonomous else usual if usual <= steps else steps // 2
 
 
 def spelled(config: Config, **defaults: Any) -> str:

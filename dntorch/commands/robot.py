@@ -82,6 +82,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
     from dntorch.drive import driving
     from dntorch.drive.fit import fit, hardware, load_agent, save_learned
     from dntorch.robot.calibration import Calibration
+    from dntorch.runs.build import build_lifelong
     from dntorch.runs.train import CHECKPOINT
 
     trained, config = load_agent(run)
@@ -99,10 +100,10 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
             env.calibration = known or measure(env, config.colors, fov=target.fov)
             agent = fit(trained, config, env.calibration)
             agent.learn(learn)
-            trip = driving.Trip(config, agent.sensorimotor.scan)
+            trip = driving.Trip.of(agent, config)
             reel = _reel(agent, config, target, env) if film else None
             target.seen.clear()
-            act, paid = driving.acting(agent), reward == "task"
+            act, paid = driving.acting(agent, build_lifelong(config)), reward == "task"
             try:
                 with tqdm(unit="step") as bar:
                     each = partial(_follow, bar, trip, agent, reel, save)

@@ -24,6 +24,8 @@ from dntorch.commands.options import (
     CHECKPOINT_EVERY,
     COMPILE,
     build_config,
+    exploration_is_open,
+    explored,
     options_of_a_run,
 )
 from dntorch.extras import require
@@ -93,8 +95,7 @@ def sweep(
     from dntorch.runs import sweep as sweeps
     from dntorch.runs import table
 
-    first = {name: values[0] for name, values in settings.items()}
-    configs = sweeps.grid(build_config(file, options | first), seeds, settings)
+    configs = _configs(file, options, seeds, settings)
     _check(configs)
     tasks = sweeps.plan(configs, out.absolute(), batch, checkpoint_every, compiled)
     running = _start(tasks, out, **where)
@@ -107,6 +108,24 @@ def sweep(
         click.echo(f"table: {path}")
     if failed:
         raise ValueError(f"{len(failed)} of {len(configs)} runs failed, the first: {failed[0]}")
+
+
+def _configs(file, options, seeds, settings) -> list[Config]:
+    """The runs; each explores as one of its own length where nobody says how long."""
+    from dntorch.runs import sweep as sweeps
+
+    first = {name: values[0] for name, values in settings.items()}
+    unsaid = (
+        "steps" in settings
+        and "explore" not in settings
+        and exploration_is_open(options["autonomous"])
+    )
+    if unsaid:
+        first["steps"] = min(settings["steps"])
+    configs = sweeps.grid(build_config(file, options | first), seeds, settings)
+    if not unsaid:
+        return configs
+    return [replace(c, explore=explored(c.steps, options["autonomous"])) for c in configs]
 
 
 def _check(configs: list[Config]) -> None:

@@ -14,6 +14,7 @@ from dntorch.envs.adaptor import tensors
 from dntorch.envs.hardware import HardwareEnv
 from dntorch.envs.task import NOTHING, SequenceTask
 from dntorch.modules.sarsa import DNSarsa
+from dntorch.noise import Exploration
 from dntorch.runs.config import Config
 from dntorch.runs.record import reported
 
@@ -33,13 +34,14 @@ class Step(NamedTuple):
     """of the env"""
 
 
-def acting(agent: DNSarsa) -> Act:
-    """An agent without exploration, as something that drives."""
+def acting(agent: DNSarsa, exploration: Exploration | None = None) -> Act:
+    """An agent as something that drives, without noise unless there is an ``exploration``."""
     none, report = torch.zeros_like(agent.weights[..., 0]), Onset(agent.n)
 
     @torch.no_grad()
     def act(observation: dict[str, np.ndarray], reward: float) -> tuple[np.ndarray, int]:
-        wheels = agent(tensors(observation), torch.tensor(reward), none)
+        noise = none if exploration is None else exploration(agent.decisions, none.dtype)
+        wheels = agent(tensors(observation), torch.tensor(reward), noise)
         _, satisfaction = agent.behaviors.output(agent.behaviors.state)
         return wheels.numpy(), report(satisfaction.numpy())
 
@@ -67,6 +69,7 @@ class Trip:
         config: of the run.
         scan: rad/s, how fast it turns while it looks for something. When nothing was found in
             the time of more than one such turn, something is wrong.
+        vain: s more that its agent may spend on intentions in vain.
 
     Attributes:
         found: ``(step, position of the colour)`` of all that was reported.
@@ -79,14 +82,21 @@ class Trip:
         ending: why it ended, or "".
     """
 
-    def __init__(self, config: Config, scan: float) -> None:
-        self.config, self.patience = config, 15 + 1.2 * math.tau / scan
+    def __init__(self, config: Config, scan: float, vain: float = 0.0) -> None:
+        self.config, self.patience = config, 15 + 1.2 * math.tau / scan + vain
         self.found: list[tuple[int, int]] = []
         self.completed: list[int] = []
         self.late: list[float] = []
         self.stopped: Counter[str] = Counter()
         self.fresh, self.oldest, self.connections, self._quiet = 0, 0.0, 0, 0
         self.ending = ""
+
+    @classmethod
+    def of(cls, agent: DNSarsa, config: Config) -> "Trip":
+        """That of an agent, which may give each of its intentions up before one succeeds."""
+        waiting = agent.behaviors.dissatisfaction
+        vain = 0.0 if waiting is None else agent.n * float(waiting.patience)
+        return cls(config, agent.sensorimotor.scan, vain)
 
     @property
     def steps(self) -> int:

@@ -48,7 +48,7 @@ def save_learned(path: Path, driven: DNSarsa, trained: DNSarsa, config: Config) 
         driven: with what it knows now, made by `fit` of
         trained: whose senses are those of the simulation.
     """
-    learned = {"learner.values.weights": driven.weights.clone()}
+    learned = {name: tensor.clone() for name, tensor in driven.state_dict().items()}
     files.save(path, {"config": asdict(config), "agent": trained.snapshot() | learned})
 
 
@@ -57,7 +57,8 @@ def fit(agent: DNSarsa, config: Config, calibration: Calibration) -> DNSarsa:
 
     What it learned is kept. Where images come seldom they come late, too, and it turns more
     slowly: the attraction of a heading times the time of two images stays below 0.4, and a
-    scan moves things by at most 0.05 rad from one image to the next.
+    scan moves things by at most 0.05 rad from one image to the next. Its patience is longer as
+    the scan takes longer.
     """
     agent = copy.deepcopy(agent)
     senses = agent.sensorimotor
@@ -69,6 +70,9 @@ def fit(agent: DNSarsa, config: Config, calibration: Calibration) -> DNSarsa:
         scan=min(senses.scan, 0.05 * calibration.fps),
         dt=config.fine,
     )
+    waiting = agent.behaviors.dissatisfaction
+    if waiting is not None:
+        waiting.patience = waiting.patience * senses.scan / agent.sensorimotor.scan
     agent.reset()
     return agent
 

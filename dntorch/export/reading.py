@@ -14,8 +14,9 @@ import numpy as np
 
 FORMAT = 3
 MANIFEST, GOLDEN = "manifest.json", "golden.npz"
-TOLERANCE = {"step": 1e-6, "aotinductor": 1e-5, "executorch": 1e-5, "free": 1e-4}
-"""What an export may allow at most."""
+TOLERANCE = {"step": 1e-6, "onnx": 5e-6, "aotinductor": 1e-5, "executorch": 1e-5, "free": 1e-4}
+"""What an export may allow at most. ONNX adds in another order: of terms of the size 30, as those
+of recall, the sum may be otherwise by 4e-6."""
 KINDS = {
     "name": str, "structure": str, "dt": (int, float), "inputs": list, "switches": list,
     "outputs": list, "state": list, "files": dict, "tolerance": dict, "thresholds": dict,

@@ -107,6 +107,13 @@ class Curiosity(Dynamics[CuriosityState]):
         check_positive("learning_rate", self.learning_rate, "leave the part out to learn nothing")
         check_positive("gain", self.gain)
         check_positive("threshold", self.threshold, "at 0 a pulse never ends")
+        for name, part, shape in (
+            ("lamp", self.lamp, (1,)), ("pulses", self.pulses, (self.n, self.levels))
+        ):  # fmt: skip
+            if tuple(part.shape) != shape:
+                raise ValueError(
+                    f"{name}.shape={tuple(part.shape)} does not fit: build TPCell({shape})"
+                )
         if self.dt * span(self.learning_rate)[1] > 1:
             raise ValueError(
                 f"learning_rate={span(self.learning_rate)[1]} is too large for dt={self.dt}: give "
@@ -128,6 +135,7 @@ class Curiosity(Dynamics[CuriosityState]):
 
     def level(self, brightness: Tensor) -> Tensor:
         """Rates of the nodes tuned to brightnesses, ``(*batch, levels)``."""
+        check_ends("lamp", brightness, [1])
         return tuned(brightness, self.levels)
 
     def value(self, brightness: Tensor, state: CuriosityState) -> Tensor:
@@ -142,7 +150,6 @@ class Curiosity(Dynamics[CuriosityState]):
 
     def euler(self, intention: Tensor, brightness: Tensor, state: CuriosityState) -> CuriosityState:
         check_ends("intention", intention, [self.n])
-        check_ends("brightness", brightness, [1])
         pairs = coincidence(intention, self.level(brightness), self.below, 0.5)
         offset = rectified(-state.pulses.pulse, self.threshold)
         change = state.lamp.pulse.unsqueeze(-1)

@@ -68,12 +68,18 @@ class Deliberation(Dynamics[DeliberationState]):
         dt: float = 1 / 32,
     ) -> None:
         super().__init__(dt)
-        self.n, self.states = n, n if recall is None else recall.states
-        self.recall, self.habituation = recall, habituation
+        self.n, self.recall, self.habituation = n, recall, habituation
+        self.states = n if recall is None else recall.states
         self.constraints, self.curiosity = constraints, curiosity
 
     def check(self) -> None:
         check_parts(self, self.n)
+        own = self.n if self.recall is None else self.recall.states
+        if own != self.states:
+            raise ValueError(
+                f"recall of {own} states does not fit the {self.states} of this agent: build "
+                "another agent with it"
+            )
         if self.constraints is not None:
             check_states_fit("constraints", self.constraints.states, self.states)
 
@@ -85,6 +91,13 @@ class Deliberation(Dynamics[DeliberationState]):
         if self.curiosity is not None:
             self.curiosity.learn(on)
 
+    def context(self, satisfaction: Tensor, state: DeliberationState) -> Tensor:
+        """Rates of the states, ``(*batch, states)``."""
+        if self.recall is None:
+            return satisfaction
+        recalled = self.recall.output(self.recall.nested(state.recall))
+        return self.recall.context(satisfaction, recalled)
+
     def weigh(
         self,
         satisfaction: Tensor,
@@ -93,10 +106,7 @@ class Deliberation(Dynamics[DeliberationState]):
         state: DeliberationState,
     ) -> tuple[Tensor, Tensor, Tensor]:
         """``(context, noise, available)``."""
-        context, available = satisfaction, ~is_on(satisfaction)
-        if self.recall is not None:
-            recalled = self.recall.output(self.recall.nested(state.recall))
-            context = self.recall.context(satisfaction, recalled)
+        context, available = self.context(satisfaction, state), ~is_on(satisfaction)
         if self.habituation is not None:
             spent = self.habituation.nested(state.habituation)
             noise = noise * self.habituation.fresh(satisfaction, spent)

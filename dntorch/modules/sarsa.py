@@ -242,7 +242,7 @@ class DNSarsa(Dynamics[AgentState]):
                     f"the observation lacks 'lamp', it has {list(observation.keys())}: ask the "
                     "world for it, or leave curiosity out"
                 )
-            seen["lamp"] = observation["lamp"]
+            seen["lamp"] = observation["lamp"].to(self.learner.values.weights.dtype)
         return seen
 
     def substep(

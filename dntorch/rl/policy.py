@@ -32,9 +32,9 @@ class AgentPolicy(TensorDictModuleBase):
     action        as the agent has it
     intention     ``(*batch, n)``          firing rate of the intention nodes
     satisfaction  ``(*batch, n)``          firing rate of the CoS nodes
-    trace         ``(*batch, n, n)``       eligibility ``[action, state]``
+    trace         ``(*batch, n, states)``  eligibility ``[action, state]``
     error         ``(*batch,)``            value cell
-    weights       ``(*batch, n, n)``       learned values ``[action, state]``
+    weights       ``(*batch, n, states)``  learned values ``[action, state]``
     steps         ``(*batch,)``            control steps taken so far, int64
     ============  =======================  ===================================================
 
@@ -159,7 +159,9 @@ class AgentPolicy(TensorDictModuleBase):
         earned it.
         """
         learner, running = self.agent.learner, state.learner
-        active = learner.active(*self.agent.behaviors.output(state.behaviors))
+        intention, satisfaction = self.agent.behaviors.output(state.behaviors)
+        context = self.agent.deliberation.context(satisfaction, state.deliberation)
+        active = learner.active(intention, context)
         none = torch.zeros_like(running.opposition.error)
         trace, reward = running.trace.u, finite(reward.to(running.values.weights.dtype))
         values = learner.values.euler(active, trace, none, reward, running.values)
@@ -168,10 +170,12 @@ class AgentPolicy(TensorDictModuleBase):
             mask = first.reshape(first.shape + (1,) * (running.dim() - first.dim()))
             return torch.where(mask, rest, running)
 
-        begun = pytree.tree_map(pick, self.agent.initial(list(first.shape)), state)
         values = pytree.tree_map(pick, values, running.values)
-        counts = {name: getattr(state, name) for name in self.agent.lasting}
-        return begun._replace(learner=begun.learner._replace(values=values), **counts)
+        now = self.agent.flat(state._replace(learner=running._replace(values=values)))
+        begun = pytree.tree_map(pick, self.agent.initial(list(first.shape)), state)
+        lasting = self.agent.state_dict().keys() & now.keys() | set(self.agent.lasting)
+        kept = {name: now[name] for name in lasting}
+        return self.agent.nested(self.agent.flat(begun) | kept)
 
     # ------------------------------------------------------------- where the state is kept
 

@@ -80,6 +80,12 @@ def build_exploration(config: Config) -> Exploration:
     return Exploration(len(config.colors), config.seed, amplitude=config.noise)
 
 
+def build_lifelong(config: Config) -> Exploration | None:
+    """The noise of a trained agent at work: that of one without phases, which draws anew what to
+    do after a failure; none of one that has explored."""
+    return build_exploration(config) if config.lifelong else None
+
+
 def senses_of(config: Config) -> tuple[str, ...]:
     """What the agent of a run reads, and so what its world shows it."""
     return build_agent(config).senses

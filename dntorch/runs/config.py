@@ -174,6 +174,11 @@ class Config:
             )
 
     @property
+    def lifelong(self) -> bool:
+        """Whether an agent has no phases: it explores to the end, and gives up what is in vain."""
+        return self.patience > 0 and self.explore == self.steps
+
+    @property
     def fine(self) -> float:
         """Seconds an integrator step."""
         return self.dt / self.substeps

@@ -90,23 +90,26 @@ def closed_loop(boundary: Boundary, config: Config) -> Golden:
     """The agent at work in the world of a run, with rewards.
 
     So that a reward comes within the record whatever was learned, the rewarded sequence is
-    that of the first two behaviours that this agent completes.
+    that of the first two behaviours that this agent completes. A lamp shows progress in that
+    sequence, and which behaviour comes second may depend on it: it is asked again.
 
     Raises:
         ValueError: it does not complete two behaviours, or completes them only once.
     """
     steps = max(800, round(STEPS / 32 / config.dt))
-    found = _record(boundary, config, steps)[1].found
-    if len(found) < 2:
-        raise ValueError(
-            f"this agent completed {len(found)} behaviours in {steps} steps, too few for a record "
-            "with a transition: train it, or another seed, first"
-        )
-    pair = "".join(config.colors[color] for color in found[:2])
-    golden, world = _record(boundary, replace(config, sequence=pair), steps)
-    if not world.rewards:
-        raise ValueError(f"no reward for {pair} in {steps} steps: export another seed's agent")
-    return golden
+    golden, world = _record(boundary, config, steps)
+    for _ in range(3):
+        if len(world.found) < 2:
+            raise ValueError(
+                f"this agent completed {len(world.found)} behaviours in {steps} steps, too few for "
+                "a record with a transition: train it, or another seed, first"
+            )
+        pair = "".join(config.colors[color] for color in world.found[:2])
+        rewarding = replace(config, sequence=pair, then="", change=0)
+        golden, world = _record(boundary, rewarding, steps)
+        if world.rewards:
+            return golden
+    raise ValueError(f"no reward for {pair} in {steps} steps: export another seed's agent")
 
 
 def _record(boundary: Boundary, config: Config, steps: int) -> tuple[Golden, Responding]:

@@ -15,6 +15,7 @@ from dntorch.envs.task import NOTHING
 from dntorch.lock import PART
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.quantities import check_quantities, per_second
+from dntorch.runs.build import build_lifelong
 from dntorch.runs.config import Config
 from dntorch.runs.worlds import WORLDS
 from dntorch.show.panels import SIZE, Moment, draw
@@ -31,7 +32,9 @@ def write_video(
     fps: float = 8,
     max_steps: int | None = None,
 ) -> Path:
-    """Film a copy of ``agent``, from rest and without noise, in a fresh world, in real time.
+    """Film a copy of ``agent``, from rest, in a fresh world, in real time.
+
+    It acts without noise, unless the run has no phases.
 
     ``fps`` is how many pictures per second there are about: one falls on each so many control
     steps, and the film is as long as what happens in it.
@@ -104,14 +107,17 @@ def _play(
     )
     world = GymWorld(env)
     state = world.initial(seed=config.seed)
-    observation, reward, none = world.observe(state), torch.zeros(()), torch.zeros(actor.n)
+    observation, reward, noise = world.observe(state), torch.zeros(()), torch.zeros(actor.n)
+    exploration = build_lifelong(config)
     found, rewards, end, outside = 0, 0, max_steps, env.render()
     try:
         for step in range(max_steps):
             if step == end:
                 return
             with torch.inference_mode():
-                outcome, state = world.step(actor(observation, reward, none), state)
+                if exploration is not None:
+                    noise = exploration(actor.decisions)
+                outcome, state = world.step(actor(observation, reward, noise), state)
             found += int(outcome.found != NOTHING)
             rewards += int(outcome.completed)
             observation, reward = outcome.observation, outcome.reward

@@ -84,7 +84,7 @@ def drive(run: Path, folder: Path, job: tuple[str, str, int], film: Path | None 
     agent = fit(trained, config, known)
     agent.learn(DRIVERS[driver])
     act = artefact(folder / camera) if driver == "artefact" else acting(agent)
-    trip, world = Trip(config, agent.sensorimotor.scan), emulator.world
+    trip, world = Trip.of(agent, config), emulator.world
     reel = Reel(agent, config, lambda: world.pose, world.view)
     perform(env, act, trip, steps=10_000, each=lambda step: film and reel.take(step, trip))
     if film:

@@ -13,7 +13,8 @@ import pytest
 from dntorch.cli import main
 from dntorch.commands import dntorch as group
 from dntorch.commands.options import build_config, options_of_a_run, spelled
-from dntorch.runs.config import Config
+from dntorch.commands.reproduce import OTHER_TASKS
+from dntorch.runs.config import AUTONOMOUS, Config
 from dntorch.runs.run import Trial
 from dntorch.runs.settings import read_settings
 
@@ -133,6 +134,109 @@ def test_a_bad_file_is_one_line(
         write(tmp_path / name, text)
     out = tmp_path / "out"
     error = fails(monkeypatch, capsys, command, "--config", tmp_path / name, "--out", out)
+    assert all(word in error for word in words), error
+    assert not out.exists()
+
+
+# ------------------------------------------------------------------ an autonomous agent
+
+
+def test_autonomous_is_a_set_of_numbers_above_a_file_below_the_command_line(tmp_path: Path) -> None:
+    """The file of a run names every number: below it the set would be without effect."""
+    pytest.importorskip("tomllib" if sys.version_info >= (3, 11) else "tomli")
+    plain = Config(seed=1, steps=900, explore=900, **AUTONOMOUS)
+    assert config_of("--autonomous", "--steps", 900) == plain
+    file = write(tmp_path / "a.toml", "noise = 0.3\npatience = 9.0\nreward = 3.0\n")
+    for words in (["--autonomous", "--config", file], ["--config", file, "--autonomous"]):
+        read = config_of(*words, "--steps", 900, "--patience", 7)
+        assert read == replace(plain, reward=3.0, patience=7.0)
+    assert config_of("--config", file, "--steps", 900).habituation == Config.habituation
+
+
+def test_an_autonomous_agent_explores_as_long_as_it_runs_unless_it_is_said(tmp_path: Path) -> None:
+    assert config_of("--autonomous").explore == Config.steps
+    assert config_of("--autonomous", "--steps", 200_000).explore == 200_000
+    assert config_of("--autonomous", "--steps", 900, "--explore", 50).explore == 50
+    file = write(tmp_path / "a.json", '{"config": {"steps": 900, "explore": 70}}')
+    assert config_of("--autonomous", "--config", file).explore == 900
+
+
+PARTS = ["--autonomous", "--recall", 1, "--curiosity", 2, "--missing", "B",
+         "--sequence", "GYRG", "--then", "YRGY", "--change", 20]  # fmt: skip
+
+
+def test_learn_makes_an_autonomous_agent_with_parts(tmp_path: Path, monkeypatch) -> None:
+    out = tmp_path / "a"
+    arguments = ["learn", "--world", "nodes", "--steps", 40, *PARTS, "--no-compile", "--out", out]
+    monkeypatch.setattr(sys, "argv", ["dntorch", *map(str, arguments)])
+    with pytest.raises(SystemExit) as exit:
+        main()
+    assert not exit.value.code
+    wanted = Config(
+        world="nodes", seed=1, steps=40, explore=40, recall=1, curiosity=2.0,
+        missing="B", sequence="GYRG", then="YRGY", change=20, **AUTONOMOUS,
+    )  # fmt: skip
+    agent = Trial.load(out / "checkpoint.pt").agent
+    assert json.loads((out / "results.json").read_text())["config"] == asdict(wanted)
+    assert agent.learner.states == 16 and agent.senses == ("match", "lamp")
+    assert (out / "report.html").exists()
+
+
+def test_a_sweep_of_lengths_explores_each_as_one_run_does(tmp_path: Path, monkeypatch) -> None:
+    for name, more, explored in (("a", ["--autonomous"], [30, 20]), ("b", [], [15, 10])):
+        monkeypatch.setattr(sys, "argv", [
+            "dntorch", "sweep", "--world", "nodes", *more, "--seeds", "3", "--set", "steps=30,20",
+            "--processes", "1", "--out", str(tmp_path / name),
+        ])  # fmt: skip
+        with pytest.raises(SystemExit) as exit:
+            main()
+        assert not exit.value.code
+        lines = (tmp_path / name / "table.jsonl").read_text().splitlines()
+        rows = [json.loads(line) for line in lines]
+        assert [row["explore"] for row in rows] == explored
+        assert [row["noise"] for row in rows] == [AUTONOMOUS["noise"] if more else Config.noise] * 2
+
+
+@pytest.mark.parametrize("option", ["--autonomous", "--recall=1", "--then=RBGYR", "--missing=B"])
+def test_reproduce_has_no_option_that_its_claims_do_not_know(
+    option: str, tmp_path: Path, monkeypatch, capsys
+) -> None:
+    error = fails(monkeypatch, capsys, "reproduce", option, "--out", tmp_path / "r")
+    assert option.partition("=")[0] in error and not (tmp_path / "r").exists()
+
+
+def test_the_set_is_of_a_new_run(tmp_path: Path, monkeypatch, capsys) -> None:
+    error = fails(monkeypatch, capsys, "learn", "--resume", tmp_path, "--autonomous")
+    assert "leave --autonomous out" in error
+
+
+CONTRADICTIONS = {
+    "then": (["--then", "GYRG"], ["then='GYRG'", "change=0", "give both"]),
+    "change": (["--change", "20"], ["then=''", "change=20", "give both"]),
+    "length": (["--then", "GYG", "--change", "20"], ["then=GYG", "as long as sequence=GBYRG"]),
+    "repeated": (["--then", "GGYRG", "--change", "20"], ["GGYRG"]),
+    "colour": (["--then", "GVYRG", "--change", "20"], ["V", "RGBY"]),
+    "missing": (["--missing", "V"], ["missing=V", "colors=RGBY"]),
+    "all missing": (["--missing", "RGB"], ["missing=RGB", "leave two"]),
+    "constraints": (["--constraints", "20"], ["constraints=20.0", "give patience"]),
+    "patience": (["--patience", "0.01"], ["patience=0.01", "dt=0.03125"]),
+    "recovery": (["--recovery", "0.01"], ["recovery=0.01", "dt=0.03125"]),
+    "pulses": (["--pulse-tau", "0.01"], ["pulse_tau=0.01", "dt=0.03125"]),
+    "habituation": (
+        ["--colors", "ROYGCBVM", "--sequence", "ROY", "--habituation", "8"],
+        ["order=8", "at most order=6"],
+    ),
+    "explore": (["--autonomous", "--explore", "50", "--steps", "40"], ["explore=50", "steps=40"]),
+}
+
+
+@pytest.mark.parametrize("name", CONTRADICTIONS)
+@pytest.mark.parametrize("command", ["learn", "sweep"])
+def test_values_that_contradict_each_other_are_one_line(
+    command: str, name: str, tmp_path, monkeypatch, capsys
+) -> None:
+    (arguments, words), out = CONTRADICTIONS[name], tmp_path / "out"
+    error = fails(monkeypatch, capsys, command, "--world", "ring", *arguments, "--out", out)
     assert all(word in error for word in words), error
     assert not out.exists()
 

@@ -1,7 +1,9 @@
 """What the agent may have beyond the paper: each part alone, and in the agent."""
 
+import copy
 import itertools
 import math
+import pickle
 
 import pytest
 import torch
@@ -16,6 +18,7 @@ from dntorch import (
     Habituation,
     Learner,
     Recall,
+    TPCell,
     ValueNodes,
 )
 from dntorch.cells.functions import is_on
@@ -306,12 +309,163 @@ def test_learning_switched_off_stops_in_every_part():
             "no intention fails: give behaviors=ElementaryBehaviors",
         ),
         (lambda: DNSarsa(N, habituation=Habituation(3)), "habituation.n=3 does not fit n=4"),
+        (lambda: Curiosity(N, 3, lamp=TPCell((2,))), r"lamp.shape=\(2,\) .* TPCell\(\(1,\)\)"),
+        (lambda: Curiosity(N, 3, pulses=TPCell((N, 2))), r"pulses.shape=\(4, 2\) .*\(4, 3\)\)"),
     ],
 )
 def test_parts_that_do_not_fit_are_refused_in_one_sentence(build, words):
     with pytest.raises(ValueError, match=words) as refused:
         build()
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: DNSarsa(N, recall=Habituation(N)), "recall=Habituation is no Recall: give one"),
+        (lambda: DNSarsa(N, habituation=3), "habituation=3 is no Habituation: give one"),
+        (lambda: ElementaryBehaviors(N, dissatisfaction=20.0), "=20.0 is no Dissatisfaction"),
+    ],
+)
+def test_what_is_no_such_part_is_refused_in_one_sentence(build, words):
+    with pytest.raises(TypeError, match=words) as refused:
+        build()
+    assert "\n" not in str(refused.value)
+
+
+def whole(n=N, **numbers):
+    """An agent with every part, with numbers per agent if there are any."""
+    own = {name: {} for name in ("recall", "habituation", "dissatisfaction", "constraints",
+                                 "curiosity")} | numbers  # fmt: skip
+    return DNSarsa(
+        n,
+        behaviors=ElementaryBehaviors(
+            n, dissatisfaction=Dissatisfaction(n, **{"patience": 2.0} | own["dissatisfaction"])
+        ),
+        recall=Recall(n, **own["recall"]),
+        habituation=Habituation(n, 2, **own["habituation"]),
+        constraints=Constraints(n, states=n * n, **own["constraints"]),
+        curiosity=Curiosity(n, 3, **own["curiosity"]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("habituation", None, "habituation=None can't be set"),
+        ("recall", None, "recall=None can't be set"),
+        ("recall", Recall(N, 2), "recall of 64 states does not fit the 16 of this agent"),
+        ("constraints", Constraints(N), "constraints.states=4 does not fit"),
+        ("curiosity", Curiosity(N + 1, 3), "curiosity.n=5 does not fit n=4"),
+        ("habituation", Habituation(N, dt=1 / 64), "habituation.dt=0.015625 does not fit"),
+    ],
+)
+def test_a_part_that_does_not_fit_is_not_put_in_place(name, value, words):
+    agent, world = whole(), NodesWorld(senses=("match", "lamp"))
+    live(agent.spread(1), world, 30)
+    before, held = agent.flat(agent.state), getattr(agent.deliberation, name)
+    with pytest.raises(ValueError, match=words) as refused:
+        setattr(agent.deliberation, name, value)
+    assert "\n" not in str(refused.value)
+    assert getattr(agent.deliberation, name) is held
+    for key, tensor in agent.flat(agent.state).items():
+        assert torch.equal(tensor, before[key]), key
+
+
+def test_a_part_is_put_in_place_while_the_agent_runs():
+    agent = DNSarsa(N).spread(3)
+    live(agent, NodesWorld(), 60)
+    agent.deliberation.habituation = Habituation(N, order=0)
+    live(agent, NodesWorld(), 60)
+    spent = agent.deliberation.habituation.spent
+    assert spent.shape == (3, 1, N) and (spent.amax((1, 2)) > 0.3).all()
+
+
+def test_numbers_of_each_agent_are_what_agents_alone_have():
+    each = torch.tensor([1.0, 2.0, 4.0])
+    numbers = {
+        "recall": {"tau": 0.04 * each, "pulse_gain": 30 * each, "h": -5 + 0 * each},
+        "habituation": {"fatigue": each, "recovery": 100 * each, "sharpness": each},
+        "dissatisfaction": {"patience": 1 + each / 4, "release": 0.1 * each, "tau": 0.3 * each},
+        "constraints": {"learning_rate": 4 * each},
+        "curiosity": {"learning_rate": each, "gain": each},
+    }
+    batch, world = whole(**numbers).spread(3), NodesWorld(senses=("match", "lamp"))
+    alone = [batch.select(k) for k in range(3)]
+    noise = Exploration(N, 0, range(3))
+    state = world.initial((3,), 0, torch.arange(3))
+    observation, reward = world.observe(state), torch.zeros(3)
+    with torch.no_grad():
+        for _ in range(400):
+            drawn = noise(batch.decisions)
+            action = batch(observation, reward, drawn)
+            for k, agent in enumerate(alone):
+                agent({name: value[k] for name, value in observation.items()}, reward[k], drawn[k])
+            outcome, state = world.step(action, state)
+            observation, reward = outcome.observation, outcome.reward
+    own = batch.flat(batch.state)
+    assert own["failures"].min() > 0 and own["failures"].unique().numel() > 1
+    for k, agent in enumerate(alone):
+        assert float(agent.deliberation.habituation.recovery) == 100 * each[k]
+        for name, value in agent.flat(agent.state).items():
+            torch.testing.assert_close(value, own[name][k], rtol=1e-4, atol=1e-5, msg=name)
+
+
+def test_forgetting_erases_what_each_part_learned_and_a_reset_only_what_it_does():
+    agent = whole(dissatisfaction={"patience": 5.0}).spread(2)
+    live(agent, NodesWorld(SequenceTask("GB"), senses=("match", "lamp")), 1500)
+    learned = agent.state_dict()
+    assert len(learned) == 3 and all(value.any() for value in learned.values())
+    agent.reset()
+    assert all(torch.equal(value, agent.state_dict()[key]) for key, value in learned.items())
+    assert not agent.deliberation.habituation.spent.any()
+    agent.forget()
+    assert not any(value.any() for value in agent.state_dict().values())
+
+
+def test_a_copy_of_an_agent_amid_its_life_goes_on_alike():
+    agent = whole(dissatisfaction={"patience": 9.0}).spread(2)
+    world = NodesWorld(senses=("match", "lamp"))
+    live(agent, world, 200)
+    twins = [copy.deepcopy(agent), pickle.loads(pickle.dumps(agent))]
+    found = [live(each, world, 500)[0] for each in (agent, *twins)]
+    assert found[0][0] and found[1] == found[0] == found[2]
+    for twin in twins:
+        for name, value in agent.flat(agent.state).items():
+            assert torch.equal(value, twin.flat(twin.state)[name]), name
+
+
+@pytest.mark.parametrize("kinds", ["with the parts", "without"])
+def test_what_another_agent_learned_is_refused_where_parts_differ(kinds):
+    ours, theirs = (whole(), DNSarsa(N)) if kinds == "without" else (DNSarsa(N), whole())
+    before = ours.snapshot()
+    for refuses in (
+        lambda: ours.load_state_dict(theirs.state_dict()),
+        lambda: ours.restore(theirs.snapshot()),
+        lambda: setattr(ours, "state", theirs.state),
+    ):
+        with pytest.raises(ValueError, match=r"deliberation|dissatisfaction|weights") as refused:
+            refuses()
+        assert "\n" not in str(refused.value)
+    assert all(torch.equal(value, before[name]) for name, value in ours.snapshot().items())
+
+
+@pytest.mark.parametrize("value", [torch.tensor([1]), torch.tensor([True]), torch.ones(1).double()])
+def test_a_lamp_of_any_dtype_is_seen(value):
+    agents = [DNSarsa(N, curiosity=Curiosity(N, 3)) for _ in range(2)]
+    for agent, lamp in zip(agents, (value, torch.ones(1)), strict=True):
+        for _ in range(3):
+            agent({"match": torch.zeros(N), "lamp": lamp}, torch.tensor(0.0), torch.zeros(N))
+    assert agents[0].deliberation.curiosity.lamp.pulse > 0
+    for name, tensor in agents[1].flat(agents[1].state).items():
+        assert torch.equal(tensor, agents[0].flat(agents[0].state)[name])
+
+
+def test_a_lamp_of_another_shape_is_one_sentence():
+    agent = DNSarsa(N, curiosity=Curiosity(N, 3))
+    for lamp in (torch.zeros(2), torch.tensor(0.0)):
+        with pytest.raises(ValueError, match=r"lamp of shape \[2?\] does not end in \[1\]"):
+            agent({"match": torch.zeros(N), "lamp": lamp}, torch.tensor(0.0), torch.zeros(N))
 
 
 def test_a_world_without_a_lamp_is_refused_before_the_step():

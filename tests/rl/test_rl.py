@@ -47,10 +47,24 @@ def build(config: Config, carried: bool = False) -> tuple[EnvBase, AgentPolicy]:
     return collected(config, policy.primer() if carried else None), policy
 
 
+PARTS = {
+    "recall": 1, "habituation": 2, "patience": 4.0, "constraints": 20.0, "curiosity": 4.0,
+}  # fmt: skip
+"""Numbers of an agent with every part that it may have."""
+EACH = [
+    pytest.param("nodes", {}, id="nodes"),
+    pytest.param("epuck", {}, id="epuck", marks=EPUCK.marks),
+    pytest.param("nodes", {"seed": 2} | PARTS, id="parts"),
+]
+
+
 @FORMS
-@WORLD
-def test_a_collector_learns_what_the_plain_loop_learns(world: str, carried: bool) -> None:
-    config = Config(world=world, steps=480, explore=300, seed=1, sequence="GB", colors="GB")
+@pytest.mark.parametrize(("world", "parts"), EACH)
+def test_a_collector_learns_what_the_plain_loop_learns(
+    world: str, parts: dict, carried: bool
+) -> None:
+    common = {"steps": 480, "explore": 300, "seed": 1, "sequence": "GB", "colors": "GB"}
+    config = Config(world=world, **common | parts)
     trial = Trial(config)
     trial.advance(480)
     assert trial.agent.weights.abs().max() > 0.05  # rewarded
@@ -67,6 +81,7 @@ def test_a_collector_learns_what_the_plain_loop_learns(world: str, carried: bool
     arrays = trial.record.arrays()
     for name in ("intention", "satisfaction", "trace", "error"):
         assert np.array_equal(record[name].numpy(), arrays[name]), name
+    assert not parts or (trial.agent.failures > 0 and record["lamp"].max() == 1)
     assert np.array_equal(record["weights"][::100].numpy(), arrays["weights"])
     assert np.array_equal(record["next", "found"].numpy(), arrays["found"])
     assert np.array_equal(record["next", "reward"][:, 0].numpy(), arrays["reward"])
@@ -96,7 +111,7 @@ def test_what_the_world_of_a_run_does_not_have_is_refused() -> None:
     with pytest.raises(ValueError, match=r"agents=2: world='epuck' is for one agent"):
         collected(Config(), agents=2)
     with pytest.raises(
-        ValueError, match=r"senses=\('image',\): 'image' is unknown, give a tuple of \('match',\)"
+        ValueError, match=r"senses=\('image',\): 'image' is unknown, give a tuple of \('match', "
     ):
         collected(Config(world="nodes"), senses=["image"])
 
@@ -216,8 +231,11 @@ def test_a_terminal_reward_is_learned_with_the_trace_that_earned_it() -> None:
 
 
 @FORMS
-def test_a_reset_forgets_the_activation_and_keeps_what_was_learned(carried: bool) -> None:
-    config = Config(world="nodes", seed=1, explore=10_000)
+@pytest.mark.parametrize("parts", [{"seed": 1}, {"seed": 5} | PARTS], ids=["plain", "parts"])
+def test_a_reset_forgets_the_activation_and_keeps_what_was_learned(
+    carried: bool, parts: dict
+) -> None:
+    config = Config(world="nodes", explore=10_000, **parts)
     env, policy = build(config, carried)
     env.append_transform(StepCounter(max_steps=300))
     with torch.no_grad():
@@ -231,6 +249,50 @@ def test_a_reset_forgets_the_activation_and_keeps_what_was_learned(carried: bool
     assert not (batch["satisfaction"][300] > 0.5).any()
     assert torch.equal(batch["weights"][300], batch["weights"][299])
     assert batch["steps"].tolist() == list(range(1, 701))
+    if carried:
+        policy.adopt(batch)
+    learned = policy.agent.state_dict()
+    assert len(learned) == (1 if len(parts) == 1 else 3) and all(
+        each.any() for each in learned.values()
+    )
+
+
+@FORMS
+def test_what_every_part_learned_outlives_an_episode(carried: bool) -> None:
+    """Long-term memory of all parts is the same before and after the step that begins one."""
+    config = Config(world="nodes", seed=1, explore=10_000, **PARTS)
+    env, policy = build(config, carried)
+    with torch.no_grad():
+        tensordict = env.rollout(400, policy)[-1]["next"].exclude("reward", "done", "terminated")
+        learned = held(policy, tensordict)
+        assert len(learned) == 3 and learned["deliberation.constraints.suppression"].any()
+        assert learned["deliberation.curiosity.weights"].any()
+        shown = tensordict.clone().set("is_init", torch.ones(1, dtype=torch.bool))
+        after = policy(shown.set("last_reward", torch.zeros(1)))
+    if carried:
+        after = after["next"]
+    for name, value in held(policy, after).items():
+        assert torch.equal(value, learned[name]), name
+
+
+def held(policy: AgentPolicy, tensordict: TensorDictBase) -> dict[str, torch.Tensor]:
+    """What an agent has learned, wherever it lies."""
+    names = policy.agent.state_dict().keys()
+    place = tensordict["agent"] if policy.carried else dict(policy.agent.named_buffers())
+    return {name: place[name].clone() for name in names}
+
+
+@FORMS
+def test_a_batch_with_every_part_steps(carried: bool) -> None:
+    config = Config(world="nodes", seed=1, explore=10_000, **PARTS)
+    agent, noise = build_agent(config).spread(3), Exploration(4, 1, range(3))
+    policy = AgentPolicy(agent, 10_000, noise, carried)
+    primer = policy.primer() if carried else None
+    env = collected(config, primer, agents=torch.arange(3))
+    check_env_specs(env)
+    batch = next(iter(collector(env, policy, 3 * 800)))
+    assert batch["weights"].shape == (3, 800, 4, 16) and batch["lamp"].shape == (3, 800, 1)
+    assert (batch["next", "found"] >= 0).any(1).all()
 
 
 def test_exploration_does_not_repeat_itself_in_each_episode() -> None:

@@ -19,8 +19,9 @@ from waiting import wait
 from dntorch import files
 from dntorch.cli import main
 from dntorch.commands import dntorch
-from dntorch.runs.config import Config
-from dntorch.runs.run import Trial
+from dntorch.runs.config import AUTONOMOUS, Config
+from dntorch.runs.group import Group
+from dntorch.runs.run import Run, Trial
 
 WORLDS = ["nodes", EPUCK]
 
@@ -66,6 +67,60 @@ def test_a_resumed_run_goes_on_to_the_same_numbers(world: str, tmp_path: Path) -
     assert second.step == 170
     second.advance(1000)
     assert second.step == 400
+    same(second.content(), whole.content())
+
+
+PARTS = AUTONOMOUS | {"recall": 1, "patience": 4.0, "constraints": 20.0, "missing": "B",
+                      "sequence": "GYRG", "then": "YRGY", "change": 200}  # fmt: skip
+"""Of an agent with parts of its own in a world that changes and lacks a colour."""
+WITH_PARTS = pytest.mark.parametrize("config", [
+    Config(world="nodes", steps=400, explore=400, seed=3, curiosity=4.0, **PARTS),
+    Config(world="ring", steps=300, explore=300, seed=1, **PARTS),
+    pytest.param(
+        Config(world="epuck", steps=300, explore=300, seed=1, curiosity=4.0, **PARTS),
+        marks=EPUCK.marks,
+    ),
+], ids=["nodes", "ring", "epuck"])  # fmt: skip
+
+
+@WITH_PARTS
+def test_a_run_with_every_part_resumes_to_the_same_numbers(config: Config, tmp_path: Path) -> None:
+    whole, first = Trial(config), Trial(config)
+    whole.advance(config.steps)
+    assert whole.agent.failures > 0 and whole.agent.deliberation.constraints.suppression.any()
+    first.advance(170)
+    first.save(tmp_path / "c.pt")
+    by_file, by_call = Trial.load(tmp_path / "c.pt"), Run(config).restore(tmp_path / "c.pt")
+    assert by_file.step == by_call.step == 170
+    for second in (by_file, by_call):
+        second.advance(1000)
+        same(second.content(), whole.content())
+
+
+def test_learn_goes_on_with_every_part(tmp_path: Path) -> None:
+    words = ["--world", "nodes", "--autonomous", "--recall", 1, "--constraints", 20, "--curiosity",
+             4, "--steps", 300, "--seed", 3, "--no-compile"]  # fmt: skip
+    here("learn", *words, "--out", tmp_path / "whole")
+    config = Trial.load(tmp_path / "whole" / "checkpoint.pt").config
+    half = Trial(config)
+    half.advance(130)
+    (tmp_path / "half").mkdir()
+    half.save(tmp_path / "half" / "checkpoint.pt")
+    here("learn", "--resume", tmp_path / "half")
+    ended = [Trial.load(tmp_path / name / "checkpoint.pt") for name in ("whole", "half")]
+    assert ended[1].step == 300
+    same(ended[1].content(), ended[0].content())
+
+
+def test_a_batch_with_every_part_resumes_to_the_same_numbers(tmp_path: Path) -> None:
+    group = Group(Config(world="nodes", steps=300, explore=300, curiosity=4.0, **PARTS), (0, 1, 2))
+    whole, first = Run(group, events=True), Run(group, events=True)
+    whole.advance(300)
+    first.advance(110)
+    first.save(tmp_path / "c.pt")
+    second = Run(group, events=True).restore(tmp_path / "c.pt")
+    second.advance(300)
+    assert whole.agent.failures.any()
     same(second.content(), whole.content())
 
 

@@ -15,9 +15,11 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
 
 from dntorch.modules.behaviors import ElementaryBehaviors
+from dntorch.runs import train
 from dntorch.runs.build import build_agent
 from dntorch.runs.config import Config
 from dntorch.runs.record import Record
+from dntorch.runs.run import Trial
 from dntorch.show import extracts, figures
 from dntorch.show.report import write_report
 
@@ -143,6 +145,17 @@ def test_the_report_is_one_file_with_every_number(tmp_path):
     assert ", ".join(map(str, content["rewards"])) in table
 
 
+def test_a_run_whose_states_are_several_completions_has_figures_and_a_report(tmp_path):
+    config = Config(world="nodes", steps=40, explore=40, colors="GB", sequence="GB", recall=1)
+    trial = Trial(config)
+    trial.advance(40)
+    trial.agent.weights[1, 2] = 0.5  # G after B, then G
+    figures.write_figures(trial.record, config, tmp_path)
+    page = unescape(write_report(tmp_path, train.results(trial, 40, 1.0), config).read_text())
+    rows = re.findall(r"<th><span class=\"tile\"[^>]*>(\w+)</span></th>\s*<td", page)
+    assert rows == ["GG", "BG", "GB", "BB"] and page.count(">0.5000<") == 1
+
+
 @pytest.mark.parametrize("content", [{}, {"rewards": [], "first_reward_step": None, "odd": [[1]]}])
 def test_a_report_without_figures_film_or_numbers_is_a_report(content, tmp_path):
     path = write_report(tmp_path, content, Config(world="nodes"))
@@ -186,6 +199,19 @@ def test_a_film_ends_after_its_behaviours(tmp_path, monkeypatch):
     config = Config(steps=100, explore=0, colors="RYGCB", sequence="RYG")
     path = video.write_video(build_agent(config), config, tmp_path / "v.webm", 1, fps=2)
     assert 2 < len(frames(path)) <= video.STEPS_EACH / 16 + 1
+
+
+@pytest.mark.parametrize("explore", [60, 30])
+def test_an_agent_without_phases_is_filmed_with_its_noise(explore):
+    film = pytest.importorskip("dntorch.show.film")
+    config = Config(
+        world="ring", steps=60, explore=explore, seed=1, missing="B", sequence="GYRG", patience=9.0
+    )
+    actor, trial = build_agent(config), Trial(config)
+    list(film._play(actor, config, behaviors=8, stride=10, max_steps=30))
+    trial.advance(30)
+    filmed, lived = (a.behaviors.intention.u.argmax() for a in (actor, trial.agent))
+    assert (filmed == lived) == (explore == 60)
 
 
 @pytest.mark.parametrize(("dt", "fps"), [(0.05, 8), (0.1, 8), (0.08, 25), (1 / 32, 8)])
