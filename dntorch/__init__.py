@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dntorch.modules.behaviors import ElementaryBehaviors
     from dntorch.modules.constraints import Constraints
     from dntorch.modules.curiosity import Curiosity
+    from dntorch.modules.deliberation import Deliberation
     from dntorch.modules.dissatisfaction import Dissatisfaction
     from dntorch.modules.field import DNF
     from dntorch.modules.find_color import FindColor
@@ -44,6 +45,7 @@ else:  # the same, later
             "Curiosity": "modules.curiosity",
             "DNF": "modules.field",
             "DNSarsa": "modules.sarsa",
+            "Deliberation": "modules.deliberation",
             "Direct": "modules.sensorimotor",
             "Dissatisfaction": "modules.dissatisfaction",
             "Dynamics": "dynamics",
@@ -74,6 +76,7 @@ __all__ = [
     "Constraints",
     "Curiosity",
     "DNSarsa",
+    "Deliberation",
     "Direct",
     "Dissatisfaction",
     "Dynamics",

@@ -90,7 +90,7 @@ def at_work(
     boundary: Boundary, respond: Respond, exploration: Exploration | None, steps: int
 ) -> Golden:
     """The agent of a boundary in a world, from its first moment on."""
-    loop = _Loop(boundary.structure.n, respond, exploration, steps)
+    loop = _Loop(boundary.structure, respond, exploration, steps)
     return record(boundary, loop, steps, _notable)
 
 
@@ -113,10 +113,12 @@ class _Loop:
     """
 
     def __init__(
-        self, n: int, respond: Respond, exploration: Exploration | None, steps: int
+        self, agent: DNSarsa, respond: Respond, exploration: Exploration | None, steps: int
     ) -> None:
         self.respond, self.exploration, self.steps = respond, exploration, steps
-        self.none = torch.zeros(n)
+        self.none = torch.zeros(agent.n)
+        names = dict(agent.named_buffers())
+        self.switches = [name for name in names if name.endswith(".learning")]
 
     def __call__(self, step: int, taken: Taken | None):
         observation, reward = self.respond(None if taken is None else taken.outputs[0])
@@ -129,7 +131,7 @@ class _Loop:
             noise = noise.clone()
             noise[1] = torch.nan
         learning = torch.tensor(float(step / self.steps < 0.9))
-        return (observation, reward, noise), {"learner.values.learning": learning}
+        return (observation, reward, noise), dict.fromkeys(self.switches, learning)
 
 
 def _notable(taken: Taken) -> bool:

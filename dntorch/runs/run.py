@@ -110,7 +110,7 @@ class Run:
             for name, moment in (("explored", self.config.explore), ("end", self.config.steps)):
                 if self.step == moment:
                     self.memory.put(f"weights_{name}", self.agent.weights)
-                    self.memory.put(f"failures_{name}", self.agent.failures)
+                    self.memory.put(f"failures_{name}", self.agent.failures.reshape(-1))
 
     def member(self, k: int) -> "Trial":
         """One agent of a batch that remembers every step, as if it had run alone.

@@ -31,7 +31,7 @@ from dntorch.runs.run import Trial
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUNNER = EXAMPLES / "run_agent.py"
-WEIGHTS, COUNTS = "learner.values.weights", ["decisions", "ignored"]
+WEIGHTS, COUNTS = "learner.values.weights", ["decisions", "failures", "ignored"]
 HALVES = ["behaviors.intention.u", "behaviors.satisfaction.u"]
 
 

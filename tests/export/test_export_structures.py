@@ -85,6 +85,11 @@ CASES: dict[str, tuple[Callable[[], Dynamics], tuple[Callable, ...]]] = {
     "ValueNodes": (lambda: dntorch.ValueNodes(N), (unit(N), unit(*PAIRS), unit(N), unit(N))),
     "ElementaryBehaviors": (lambda: dntorch.ElementaryBehaviors(N), (unit(N), unit(N))),
     "Learner": (lambda: dntorch.Learner(N), (unit(N), unit(N), unit())),
+    "Recall": (lambda: dntorch.Recall(N, 2), (unit(N),)),
+    "Habituation": (lambda: dntorch.Habituation(N, 2), (unit(N), unit(N))),
+    "Dissatisfaction": (lambda: dntorch.Dissatisfaction(N, patience=0.5), (unit(N),)),
+    "Constraints": (lambda: dntorch.Constraints(N), (unit(N), unit(N), unit(N), unit(*PAIRS))),
+    "Curiosity": (lambda: dntorch.Curiosity(N, 3), (unit(N), unit(1))),
     "Direct": (dntorch.Direct, (seen(match=unit(N)), unit(N))),
     "FindColor": (small_camera, (seen(image=photo), unit(N))),
     "Repertoire": (two_kinds, (seen(image=photo), unit(4))),
@@ -107,7 +112,8 @@ def test_no_structure_is_forgotten() -> None:
         for name, kind in vars(part).items()
         if inspect.isclass(kind) and issubclass(kind, Dynamics) and kind.__module__ == part.__name__
     }
-    assert defined == {*CASES, "Sensorimotor"}  # which is the base of some
+    # The base of some, and what test_export_agent.py exports within an agent that has every part.
+    assert defined == {*CASES, "Sensorimotor", "Deliberation"}
     assert defined < set(dntorch.__all__)  # all are public
 
 

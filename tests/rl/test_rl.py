@@ -56,6 +56,8 @@ EACH = [
     pytest.param("epuck", {}, id="epuck", marks=EPUCK.marks),
     pytest.param("nodes", {"seed": 2} | PARTS, id="parts"),
 ]
+AT_ONCE = PARTS | {"recall": 0}
+"""Failures teach after the first completion: with recall it takes two to make a state."""
 
 
 @FORMS
@@ -231,7 +233,7 @@ def test_a_terminal_reward_is_learned_with_the_trace_that_earned_it() -> None:
 
 
 @FORMS
-@pytest.mark.parametrize("parts", [{"seed": 1}, {"seed": 5} | PARTS], ids=["plain", "parts"])
+@pytest.mark.parametrize("parts", [{"seed": 1}, {"seed": 5} | AT_ONCE], ids=["plain", "parts"])
 def test_a_reset_forgets_the_activation_and_keeps_what_was_learned(
     carried: bool, parts: dict
 ) -> None:
@@ -260,7 +262,7 @@ def test_a_reset_forgets_the_activation_and_keeps_what_was_learned(
 @FORMS
 def test_what_every_part_learned_outlives_an_episode(carried: bool) -> None:
     """Long-term memory of all parts is the same before and after the step that begins one."""
-    config = Config(world="nodes", seed=1, explore=10_000, **PARTS)
+    config = Config(world="nodes", seed=1, explore=10_000, **AT_ONCE)
     env, policy = build(config, carried)
     with torch.no_grad():
         tensordict = env.rollout(400, policy)[-1]["next"].exclude("reward", "done", "terminated")

@@ -20,7 +20,7 @@ def test_where_a_colour_is_missing_an_agent_gives_it_up_and_goes_on(world: str) 
     config = Config(
         world=world, missing="B", sequence="GYRG", seed=1, steps=1000, explore=1000, **numbers
     )
-    patient, vain = Trial(config), Trial(replace(config, patience=0.0))
+    patient, vain = Trial(config), Trial(replace(config, patience=0.0, constraints=0.0))
     for trial in (patient, vain):
         trial.advance(1000)
         trial.close()

@@ -87,7 +87,7 @@ WITH_PARTS = pytest.mark.parametrize("config", [
 def test_a_run_with_every_part_resumes_to_the_same_numbers(config: Config, tmp_path: Path) -> None:
     whole, first = Trial(config), Trial(config)
     whole.advance(config.steps)
-    assert whole.agent.failures > 0 and whole.agent.deliberation.constraints.suppression.any()
+    assert whole.agent.failures > 0
     first.advance(170)
     first.save(tmp_path / "c.pt")
     by_file, by_call = Trial.load(tmp_path / "c.pt"), Run(config).restore(tmp_path / "c.pt")
