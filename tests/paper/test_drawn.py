@@ -5,6 +5,7 @@ import torch
 
 from dntorch.envs.task import SequenceTask
 from dntorch.paper.autonomous import Rule, autonomous
+from dntorch.paper.beyond import SECTIONS
 from dntorch.paper.discrete import Learning
 from dntorch.paper.drawn import DrawnTask, draw_feasible, draw_targets
 from dntorch.paper.populations import Population
@@ -83,3 +84,12 @@ def test_the_discrete_rule_learns_and_needs_the_state():
     assert (rewarded[:, 560:600].sum(1) >= 9).sum() >= 9  # before the change
     ends = [(behaviors[:, k - 4 : k + 1] == later).all(1) for k in range(600, 1200)]
     assert np.array_equal(np.array(ends).T, rewarded[:, 600:]) and rewarded[:, 600:].any()
+
+
+def test_every_line_beyond_the_paper_makes_agents_and_a_world():
+    lines = [line for section in SECTIONS.values() for line in section(0, 2).values()]
+    assert len(lines) == 35
+    for group in lines:
+        run = Run(group, events=True)
+        assert run.agent.decisions.shape == (len(group.agents),)
+        assert set(run.agent.senses) <= set(run.world.senses)
