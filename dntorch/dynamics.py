@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import torch
 from torch import Tensor, nn
 
-from dntorch import declare
+from dntorch import declare, stepping
 from dntorch.checks import check_count
 from dntorch.parameters import check_batch, outside_inference
 from dntorch.snapshots import Snapshots
@@ -110,7 +110,7 @@ class Dynamics(Snapshots, Generic[S], metaclass=_Complete):
             cls._declared = state
         if state is not None or "lasting" in cls.__dict__:
             declare.write_plumbing(cls, cls._declared)
-        declare.write_steps(cls)
+        stepping.write_steps(cls)
 
     def __init__(self, dt: float) -> None:
         super().__init__()

@@ -67,6 +67,24 @@ def differ(x: Tensor, mended: Tensor, batch: list[int]) -> Tensor:
     return bad.any(list(range(dims, x.dim()))) if x.dim() > dims else bad
 
 
+def cleaned(
+    given: dict[str, Tensor], dtype: torch.dtype, batch: list[int], bad: Tensor
+) -> tuple[dict[str, Tensor], Tensor]:
+    """Inputs in one dtype with 0 for what is not finite; ``bad``, or who had such a number.
+
+    Whole numbers, such as images, stay as they are.
+    """
+    clean: dict[str, Tensor] = {}
+    for name, value in given.items():
+        if value.is_floating_point():
+            value = value.to(dtype)
+            clean[name] = finite(value)
+            bad = bad | differ(value, clean[name], batch)
+        else:
+            clean[name] = value
+    return clean, bad
+
+
 def is_on(rate: Tensor) -> Tensor:
     """Whether a node is on: its firing rate is above 1/2. Takes NumPy arrays, too."""
     return rate > 0.5

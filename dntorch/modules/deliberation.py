@@ -58,6 +58,8 @@ class Deliberation(Dynamics[DeliberationState]):
     ([1.0, 0.0], [1.0, 0.0], [False, True])
     """
 
+    __jit_unused_properties__ = ("senses",)
+
     def __init__(
         self,
         n: int,
@@ -82,6 +84,23 @@ class Deliberation(Dynamics[DeliberationState]):
             )
         if self.constraints is not None:
             check_states_fit("constraints", self.constraints.states, self.states)
+
+    @property
+    def senses(self) -> tuple[str, ...]:
+        """Names in an observation that the parts read."""
+        return () if self.curiosity is None else ("lamp",)
+
+    def sense(self, observation: dict[str, Tensor]) -> dict[str, Tensor]:
+        """What the parts read of an observation."""
+        seen: dict[str, Tensor] = {}
+        if self.curiosity is not None:
+            if "lamp" not in observation:
+                raise ValueError(
+                    f"the observation lacks 'lamp', it has {list(observation.keys())}: ask the "
+                    "world for it, or leave curiosity out"
+                )
+            seen["lamp"] = observation["lamp"].to(self.curiosity.weights.dtype)
+        return seen
 
     @torch.jit.export
     def learn(self, on: bool = True) -> None:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.cells.functions import came_on, differ, finite
+from dntorch.cells.functions import came_on, cleaned, differ, finite
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.value import ValueState
 from dntorch.checks import check_count, check_ends
@@ -163,9 +163,7 @@ class DNSarsa(Dynamics[AgentState]):
     @property
     def senses(self) -> tuple[str, ...]:
         """Names in an observation that the agent reads."""
-        curious = self.deliberation.curiosity is not None
-        lamp = ("lamp",) if curious and "lamp" not in self.sensorimotor.senses else ()
-        return (*self.sensorimotor.senses, *lamp)
+        return tuple(dict.fromkeys((*self.sensorimotor.senses, *self.deliberation.senses)))
 
     @property
     def weights(self) -> Tensor:
@@ -199,14 +197,9 @@ class DNSarsa(Dynamics[AgentState]):
         given = reward, noise
         reward, noise = finite(reward), finite(noise)
         bad = differ(given[0], reward, batch) | differ(given[1], noise, batch)
-        seen: dict[str, Tensor] = {}
-        for name, value in self.sense(observation).items():
-            if value.is_floating_point():
-                value = value.to(dtype)
-                seen[name] = finite(value)
-                bad = bad | differ(value, seen[name], batch)
-            else:
-                seen[name] = value
+        seen = self.sensorimotor.sense(observation)
+        seen.update(self.deliberation.sense(observation))
+        seen, bad = cleaned(seen, dtype, batch, bad)
         start, before = state.behaviors, self.behaviors.output(state.behaviors)
         rates = before
         for _ in range(self.substeps):
@@ -232,18 +225,6 @@ class DNSarsa(Dynamics[AgentState]):
             state.ignored + bad,
         )
         return self.act(rates[0], state), state
-
-    def sense(self, observation: dict[str, Tensor]) -> dict[str, Tensor]:
-        """What the agent reads of an observation."""
-        seen = self.sensorimotor.sense(observation)
-        if self.deliberation.curiosity is not None:
-            if "lamp" not in observation:
-                raise ValueError(
-                    f"the observation lacks 'lamp', it has {list(observation.keys())}: ask the "
-                    "world for it, or leave curiosity out"
-                )
-            seen["lamp"] = observation["lamp"].to(self.learner.values.weights.dtype)
-        return seen
 
     def substep(
         self,

@@ -84,10 +84,6 @@ def _ring_of(config: Config) -> Ring:
     return Ring(4 * len(config.colors), missing=config.missing)
 
 
-def _shown(config: Config) -> Senses:
-    return ("image", "lamp") if config.curiosity else ("image",)
-
-
 def _body(config: Config) -> Body:
     from dntorch.body import Body
 
@@ -107,9 +103,11 @@ def _ring_env(config: Config, **others) -> gymnasium.Env:
 
 
 def _of_an_env(config: Config) -> dict[str, Any]:
+    from dntorch.runs.build import senses_of
+
     return {
         "task": build_task(config), "body": _body(config), "ring": _ring_of(config),
-        "dwell": config.dwell, "senses": _shown(config),
+        "dwell": config.dwell, "senses": senses_of(config),
     }  # fmt: skip
 
 
