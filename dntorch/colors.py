@@ -69,6 +69,18 @@ def check_sequence(sequence: str, colors: str, name: str = "sequence") -> str:
     return sequence
 
 
+def check_missing(missing: str, colors: str = "".join(HUES)) -> str:
+    """Return ``missing`` if it names some of ``colors``, none twice, and leaves two or more."""
+    letters = missing if isinstance(missing, str) else "?"
+    left = set(colors) - set(letters)
+    if set(letters) - set(colors) or len(set(letters)) < len(letters) or len(left) < 2:
+        raise ValueError(
+            f"missing={shown(missing)}: give different letters of colors={colors!r} that leave "
+            "at least two, or ''"
+        )
+    return missing
+
+
 def _check_text(name: str, value: str) -> None:
     if not isinstance(value, str):
         raise ValueError(f"{name}={shown(value)} is no text: give letters, as {PAPER!r}")

@@ -7,7 +7,7 @@ import click
 
 from dntorch.body import AXLE, DISTANCE, FOV, RATE
 from dntorch.colors import PAPER
-from dntorch.commands.common import Computing, refuse_options
+from dntorch.commands.common import Computing, progress_bar, refuse_options
 from dntorch.commands.kinds import NEW_FILE, OLD_FILE, Number
 from dntorch.commands.options import COLORS
 from dntorch.commands.target import OF_THE_EMULATOR, open_target, options_of_target
@@ -94,10 +94,8 @@ def _from_files(files: tuple[Path, ...], colors: str, known: dict[str, Any]) -> 
 
 def measure(env: "HardwareEnv", colors: str, distance=None, **known) -> "Calibration":
     """Let the robot turn around and measure what it sees, with a bar of progress."""
-    from tqdm import tqdm
-
     from dntorch.drive.look_around import calibrate_from, look_around
 
-    with tqdm(total=100, unit="%", desc="looking around") as bar:
+    with progress_bar(total=100, unit="%", desc="looking around") as bar:
         views = look_around(env, lambda share: bar.update(round(100 * share) - bar.n))
     return calibrate_from(views, colors, distance, **known)

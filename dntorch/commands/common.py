@@ -2,13 +2,17 @@
 
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from dntorch.process import settle
+from dntorch.process import end_when_asked, postponed, settle
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 
 class Computing(click.Command):
@@ -53,6 +57,24 @@ def new_folder(folder: Path, marks: Iterable[str], remedy: str = "name another -
     return folder
 
 
-def refresh_interval() -> float:
-    """Seconds from one line of a progress bar to the next: few lines in a log file."""
-    return 0.1 if sys.stderr.isatty() else 20.0
+@contextmanager
+def stoppable(remedy: str) -> Iterator[None]:
+    """Inside the block any request to end ends it as Ctrl-C does, and the remedy is printed."""
+    end_when_asked()
+    try:
+        yield
+    except KeyboardInterrupt:
+        click.echo(f"stopped; {remedy}", err=True)
+        raise
+
+
+@contextmanager
+def progress_bar(**counting: Any) -> "Iterator[tqdm]":
+    """A progress bar; in a log file it has few lines."""
+    from tqdm import tqdm
+
+    counting = {"mininterval": 0.1 if sys.stderr.isatty() else 20.0} | counting
+    with postponed():  # one that is half made cannot be closed
+        bar = tqdm(**counting)
+    with bar:
+        yield bar

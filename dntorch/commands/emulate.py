@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dntorch.colors import PAPER
-from dntorch.commands.common import Computing, refuse_options
+from dntorch.commands.common import Computing, progress_bar, refuse_options
 from dntorch.commands.kinds import Parsed, whole
 from dntorch.commands.options import COLORS, MISSING
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
@@ -87,9 +87,7 @@ def emulate(
 
 
 def _watch(emulator: "Emulator") -> None:
-    from tqdm import tqdm
-
-    with tqdm(unit="step", mininterval=0.5, miniters=0) as bar:
+    with progress_bar(unit="step", mininterval=0.5, miniters=0) as bar:
         while True:
             left, right = emulator.speeds
             client = "connected" if emulator.connected else "none"

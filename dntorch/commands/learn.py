@@ -12,14 +12,15 @@ from dntorch.commands.common import (
     RUNS,
     Computing,
     new_folder,
-    refresh_interval,
+    progress_bar,
     refuse_options,
+    stoppable,
 )
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FOLDER
 from dntorch.commands.options import CHECKPOINT_EVERY, COMPILE, build_config, options_of_a_run
 from dntorch.extras import has, require
 from dntorch.lock import owned
-from dntorch.process import end_when_asked, pays
+from dntorch.process import pays
 from dntorch.runs.config import Config
 from dntorch.runs.logs import LOGGERS, open_log
 from dntorch.runs.worlds import WORLDS
@@ -80,7 +81,7 @@ def learn(context, file, out, resume, checkpoint_every, video, log, compiled, **
         new_folder(folder, RUNS, f"go on with --resume {folder} or name another")
         if config != asked:
             click.echo(ELSEWHERE, err=True)
-    with owned(folder):
+    with owned(folder), stoppable(f"go on with: dntorch learn --resume {folder}"):
         if trial is None:
             trial = Trial.load(folder / CHECKPOINT)
             _require_film(trial.config, video)
@@ -103,14 +104,11 @@ def _require_film(config: Config, video: bool) -> None:
 
 
 def _train(trial: "Trial", folder: Path, checkpoint_every: int, video: bool, log=None) -> None:
-    from tqdm import tqdm
-
     from dntorch.runs import train as learning
 
-    end_when_asked()
     begun_at, config = trial.step, trial.config
     counting = {"total": config.steps, "initial": begun_at, "unit": "step", "smoothing": 0.1}
-    with tqdm(**counting, mininterval=refresh_interval()) as bar:
+    with progress_bar(**counting) as bar:
 
         def progress(trial: "Trial") -> None:
             bar.set_description("explore" if trial.step <= config.explore else "exploit", False)
@@ -124,14 +122,7 @@ def _train(trial: "Trial", folder: Path, checkpoint_every: int, video: bool, log
             if log:
                 log(trial)
 
-        try:
-            seconds = learning.train(
-                trial, folder / learning.CHECKPOINT, checkpoint_every, progress
-            )
-        except KeyboardInterrupt:
-            bar.close()
-            click.echo(f"stopped; go on with: dntorch learn --resume {folder}", err=True)
-            raise
+        seconds = learning.train(trial, folder / learning.CHECKPOINT, checkpoint_every, progress)
     trial.close()
     results = learning.results(trial, trial.step - begun_at, seconds)
     results = learning.write_results(trial, folder, results)

@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from dntorch.colors import HUES, check_colors, check_sequence
+from dntorch.colors import HUES, check_colors, check_missing, check_sequence
 from dntorch.commands.kinds import OLD_FILE, Number, Parsed, whole
 from dntorch.runs.config import AUTONOMOUS, FIELDS, LONGEST, Config, check_setting
 from dntorch.runs.settings import read_settings
@@ -109,12 +109,6 @@ def _colors(text: str) -> str:
     return check_colors(text)
 
 
-def _missing(text: str) -> str:
-    if set(text) - set(HUES) or len(set(text)) < len(text):
-        raise ValueError(f"give different letters of {''.join(HUES)}")
-    return text
-
-
 def _sequence(text: str) -> str:
     check_setting("sequence", text)
     return check_sequence(text, "".join(HUES))  # of these colours: once they are known
@@ -124,7 +118,7 @@ def _none_or(parse: Callable[[str], str]) -> Parsed:
     return Parsed(lambda text: parse(text) if text else "")
 
 
-COLORS, MISSING = Parsed(_colors), Parsed(_missing)
+COLORS, MISSING = Parsed(_colors), Parsed(check_missing)
 LETTERS = {
     "colors": COLORS, "sequence": Parsed(_sequence), "then": _none_or(_sequence),
     "missing": MISSING,

@@ -12,13 +12,13 @@ from dntorch.commands.common import (
     RUNS,
     Computing,
     new_folder,
-    refresh_interval,
+    progress_bar,
     refuse_options,
+    stoppable,
 )
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FOLDER, whole
 from dntorch.commands.options import build_config, options_of_a_run, spelled
 from dntorch.extras import require
-from dntorch.process import end_when_asked
 from dntorch.runs.config import FIELDS, Config, kept_config
 from dntorch.runs.worlds import WORLDS
 
@@ -74,9 +74,10 @@ def reproduce(context, file, runs, processes, out, resume, **options) -> None:
         new_folder(folder, RUNS, f"go on with --resume {folder} or name another")
         content = vars(config) | {"runs": runs, "processes": processes}
         files.save(folder / OPTIONS, content)
-    study = _run(config, runs, folder, processes)
-    command = f"dntorch reproduce --world {config.world} --runs {runs}"
-    _report(study, folder, f"{command} {spelled(config, world=config.world)}".rstrip())
+    with stoppable(f"go on with: dntorch reproduce --resume {folder}"):
+        study = _run(config, runs, folder, processes)
+        command = f"dntorch reproduce --world {config.world} --runs {runs}"
+        _report(study, folder, f"{command} {spelled(config, world=config.world)}".rstrip())
 
 
 def _check(config: Config, runs: int) -> None:
@@ -90,22 +91,14 @@ def _check(config: Config, runs: int) -> None:
 
 
 def _run(config: Config, runs: int, folder: Path, processes: int) -> "Study":
-    from tqdm import tqdm
-
     from dntorch.paper import reproduce as reproducing
 
-    end_when_asked()
     total = reproducing.steps_to_take(config, runs, processes)
     counting = {"total": total, "unit": "step", "unit_scale": True}
-    with tqdm(**counting, mininterval=refresh_interval()) as bar:
-        try:
-            return reproducing.reproduce(
-                config, runs, folder, processes, lambda done: bar.update(done - bar.n)
-            )
-        except KeyboardInterrupt:
-            bar.close()
-            click.echo(f"stopped; go on with: dntorch reproduce --resume {folder}", err=True)
-            raise
+    with progress_bar(**counting) as bar:
+        return reproducing.reproduce(
+            config, runs, folder, processes, lambda done: bar.update(done - bar.n)
+        )
 
 
 def _report(study: "Study", folder: Path, command: str) -> None:

@@ -11,7 +11,7 @@ import click
 
 from dntorch.body import EPUCK, FASTEST
 from dntorch.commands.calibrate import calibrate, measure
-from dntorch.commands.common import Computing, new_folder
+from dntorch.commands.common import Computing, new_folder, progress_bar
 from dntorch.commands.kinds import NEW_FOLDER, OLD_FILE, OLD_FOLDER, Number, whole
 from dntorch.commands.target import Target, open_target, options_of_target
 from dntorch.extras import require
@@ -77,8 +77,6 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
     sequence and at the end. Exit code 1 when it ended before all iterations were done.
     """
     require("tqdm", "numpy", "gymnasium", *(("cv2", "matplotlib") if film else ()))
-    from tqdm import tqdm
-
     from dntorch.drive import driving
     from dntorch.drive.fit import fit, hardware, load_agent, save_learned
     from dntorch.robot.calibration import Calibration
@@ -105,7 +103,7 @@ def run(context, run, file, learn, iterations, steps, speed_cap, reward, film, o
             target.seen.clear()
             act, paid = driving.acting(agent, build_lifelong(config)), reward == "task"
             try:
-                with tqdm(unit="step") as bar:
+                with progress_bar(unit="step") as bar:
                     each = partial(_follow, bar, trip, agent, reel, save)
                     driving.perform(env, act, trip, steps, iterations, paid, each)
             finally:

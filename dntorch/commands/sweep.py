@@ -16,7 +16,9 @@ from dntorch.commands.common import (
     MOST_RUNS,
     Computing,
     new_folder,
+    progress_bar,
     refuse_options,
+    stoppable,
 )
 from dntorch.commands.grid import SEEDS, SET
 from dntorch.commands.kinds import NEW_FOLDER, whole
@@ -30,7 +32,6 @@ from dntorch.commands.options import (
 )
 from dntorch.extras import require
 from dntorch.lock import owned
-from dntorch.process import end_when_asked
 from dntorch.runs.config import Config
 from dntorch.runs.worlds import WORLDS
 
@@ -99,8 +100,7 @@ def sweep(
     _check(configs)
     tasks = sweeps.plan(configs, out.absolute(), batch, checkpoint_every, compiled)
     running = _start(tasks, out, **where)
-    end_when_asked()
-    with owned(out):
+    with owned(out), stoppable("the same command goes on with the runs that are left"):
         rows, failed = _follow(running, len(configs))
     order = {sweeps.name_of(config): k for k, config in enumerate(configs)}
     rows.sort(key=lambda one: order[sweeps.name_of(Config(**one["config"]))])
@@ -153,24 +153,17 @@ def _start(tasks, out: Path, processes, ray, slurm, retries) -> "Iterator[Finish
 
 
 def _follow(running: "Iterator[Finished]", total: int) -> "tuple[Table, list[str]]":
-    from tqdm import tqdm
-
     from dntorch.runs.sweep import name_of
 
     rows: Table = []
     failed: list[str] = []
-    try:
-        with closing(running), tqdm(total=total, unit="run") as bar:
-            for finished in running:
-                rows += finished.result or []
-                if finished.error:
-                    names = map(name_of, finished.task.configs)
-                    failed += [f"{name}: {finished.error}" for name in names]
-                bar.update(len(finished.task.configs))
-                optimal = sum(one["optimal_at_end"] for one in rows)
-                bar.set_postfix(optimal=optimal, failed=len(failed))
-    except KeyboardInterrupt:
-        finished = f"stopped with {len(rows)} of {total} runs finished"
-        click.echo(f"{finished}; the same command goes on with the others", err=True)
-        raise
+    with closing(running), progress_bar(total=total, unit="run") as bar:
+        for finished in running:
+            rows += finished.result or []
+            if finished.error:
+                names = map(name_of, finished.task.configs)
+                failed += [f"{name}: {finished.error}" for name in names]
+            bar.update(len(finished.task.configs))
+            optimal = sum(one["optimal_at_end"] for one in rows)
+            bar.set_postfix(optimal=optimal, failed=len(failed))
     return rows, failed

@@ -10,9 +10,9 @@ import gymnasium
 import numpy as np
 
 from dntorch.body import EPUCK, STEPS_PER_TURN, Body
-from dntorch.colors import HUES
+from dntorch.colors import HUES, check_missing
 from dntorch.envs import sensors
-from dntorch.envs.checks import check_episode, check_missing, check_snapshot, check_whole
+from dntorch.envs.checks import check_episode, check_snapshot, check_whole
 from dntorch.envs.drive import Drive, check_speeds
 from dntorch.envs.judge import DWELL, DWELL_RATE, TOLERANCE, Judge
 from dntorch.envs.layout import DAYLIGHT, Light, Ring, without

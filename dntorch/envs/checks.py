@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from dntorch.body import Body
+from dntorch.colors import check_missing
 from dntorch.envs.layout import Light, Ring
 from dntorch.envs.task import SequenceTask
 from dntorch.quantities import Interval, check_kind, check_quantities, shown
@@ -35,15 +36,6 @@ def check_whole(
     if tolerance >= half:
         raise ValueError(f"tolerance={tolerance!r}: give less than half a pitch, {half:.3f} rad")
     return task, ring
-
-
-def check_missing(missing: Any, colors: str) -> None:
-    """Raise a ``ValueError`` unless at least two of ``colors`` are left without the ``missing``."""
-    text = isinstance(missing, str)
-    if not text or set(missing) - set(colors) or len(set(colors) - set(missing)) < 2:
-        raise ValueError(
-            f"missing={shown(missing)}: give letters of colors={colors!r} that leave at least two"
-        )
 
 
 def check_episode(layout_seed: int | None, render_mode: str | None, max_seconds: float | None):

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dntorch.colors import HUES
-from dntorch.quantities import Interval, check_quantities, check_vector, shown
+from dntorch.colors import check_missing
+from dntorch.quantities import Interval, check_quantities, check_vector
 
 if TYPE_CHECKING:
     import numpy as np  # not needed to see the ring in torch
@@ -75,11 +75,7 @@ class Ring:
             raise ValueError(
                 f"block_shape={self.block_shape!r} is unknown: choose from {(*SHAPES, 'mixed')}"
             )
-        letters = self.missing if isinstance(self.missing, str) else "?"
-        if set(letters) - set(HUES) or len(set(letters)) < len(letters):
-            raise ValueError(
-                f"missing={shown(self.missing)}: give different letters of {''.join(HUES)}, or ''"
-            )
+        check_missing(self.missing)
         # Boxes turn a face to the robot, so the inner faces are where they meet first.
         inner = self.radius - self.block_size / 2
         if inner < 0.1 or (

@@ -16,6 +16,7 @@ from dntorch.colors import (
     REWARD_DURATION,
     SEQUENCE,
     check_colors,
+    check_missing,
     check_sequence,
 )
 from dntorch.quantities import Interval, shown
@@ -161,12 +162,7 @@ class Config:
             raise ValueError(f"change={self.change}: give a step before steps={self.steps}")
         if self.recovery != FIELDS["recovery"].default and self.habituation < 0:
             raise ValueError(f"recovery={self.recovery} of no habituation: give habituation, too")
-        left, doubled = set(self.colors) - set(self.missing), len(set(self.missing))
-        if set(self.missing) - set(self.colors) or len(left) < 2 or doubled < len(self.missing):
-            raise ValueError(
-                f"missing={self.missing}: give different letters of colors={self.colors} that "
-                "leave two"
-            )
+        check_missing(self.missing, self.colors)
         if self.constraints and not self.patience:
             raise ValueError(
                 f"constraints={self.constraints} learn from failures: give patience, such as "

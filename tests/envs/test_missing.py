@@ -148,7 +148,9 @@ def test_as_a_world_it_resumes_without_it():
 @pytest.mark.parametrize("missing", ["RGB", "RGBY", "V", "BV"])
 @pytest.mark.parametrize("kind", [RingEnv, RingWorld])
 def test_two_colors_must_be_left_and_all_be_known(kind, missing):
-    with pytest.raises(ValueError, match=rf"missing='{missing}': give letters of colors='RGBY'"):
+    with pytest.raises(
+        ValueError, match=rf"missing='{missing}': give different letters of colors='RGBY'"
+    ):
         kind(ring=Ring(missing=missing))
 
 
@@ -159,11 +161,15 @@ def test_what_cannot_be_taken_away_is_refused_and_stays(missing):
         env.take_away("B")
     env.reset(seed=5)
     before = env.layout.tolist()
-    with pytest.raises(ValueError, match=r"missing=.*: give letters of colors='RGBY' that leave"):
+    with pytest.raises(
+        ValueError, match=r"missing=.*: give different letters of colors='RGBY' that leave"
+    ):
         env.take_away(missing)
     assert env.layout.tolist() == before
     env.take_away("B")
-    with pytest.raises(ValueError, match="missing='B': give letters of colors='RGY' that leave"):
+    with pytest.raises(
+        ValueError, match="missing='B': give different letters of colors='RGY' that leave"
+    ):
         env.take_away("B")
 
 

@@ -197,8 +197,11 @@ def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "dntorch.cli", "learn", *options], stderr=subprocess.PIPE, text=True
     ) as process:
-        assert wait((out / "checkpoint.pt").exists, 300)  # the run has begun
-        (out / "checkpoint.pt").unlink()  # another one is what the request to end has saved
+        checkpoint = out / "checkpoint.pt"
+        assert wait(checkpoint.exists, 300)
+        first = checkpoint.stat().st_mtime_ns
+        assert wait(lambda: checkpoint.stat().st_mtime_ns > first, 300)  # it takes steps
+        checkpoint.unlink()  # another one is what the request to end has saved
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
