@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from dntorch.modules.working_memory import ItemOrderWM
     from dntorch.noise import Exploration
     from dntorch.number import Number
-    from dntorch.rollout import rollout
+    from dntorch.through_time import rollout
     from dntorch.version import __version__ as __version__
 else:  # the same, later
     __getattr__, __dir__ = later(
@@ -82,7 +82,7 @@ else:  # the same, later
             "ValueOpposition": "modules.opposition",
             "__version__": "version",
             "gauss": "cells.stimuli",
-            "rollout": "rollout",
+            "rollout": "through_time",
         },
     )
 
