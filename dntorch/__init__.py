@@ -13,7 +13,11 @@ from dntorch import envs
 from dntorch.lazy import later
 
 if TYPE_CHECKING:
+    from dntorch import losses, plots
+    from dntorch.analysis import fixed_points
+    from dntorch.cells.codes import rate_code, space_code
     from dntorch.cells.kernels import Gauss, Global, Matrices
+    from dntorch.cells.readout import peaks
     from dntorch.dynamics import Dynamics
     from dntorch.modules.behaviors import ElementaryBehaviors
     from dntorch.modules.constraints import Constraints
@@ -68,6 +72,12 @@ else:  # the same, later
             "ValueNodes": "modules.value",
             "ValueOpposition": "modules.opposition",
             "__version__": "version",
+            "fixed_points": "analysis",
+            "losses": "losses",
+            "peaks": "cells.readout",
+            "plots": "plots",
+            "rate_code": "cells.codes",
+            "space_code": "cells.codes",
         },
     )
 
@@ -99,4 +109,10 @@ __all__ = [
     "ValueNodes",
     "ValueOpposition",
     "envs",
+    "fixed_points",
+    "losses",
+    "peaks",
+    "plots",
+    "rate_code",
+    "space_code",
 ]
