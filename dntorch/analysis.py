@@ -35,7 +35,7 @@ class Node(NamedTuple):
     threshold: float
     floor: float | None
 
-    def rate(self, input: Tensor, u: Tensor) -> Tensor:
+    def rate(self, input: float | Tensor, u: Tensor) -> Tensor:
         """Right-hand side, per second."""
         output = sigmoid(u, self.kind, self.steepness, self.threshold)
         return (self.h + input + self.gain * output - u) / self.tau
@@ -111,7 +111,7 @@ def _single(name: str, number: Number) -> float:
 
 
 def _inputs(input: float | Tensor) -> Tensor:
-    inputs = torch.as_tensor(input).detach().to("cpu", torch.float64)
+    inputs = torch.as_tensor(input, dtype=torch.float64).detach().cpu()
     if inputs.dim() > 1:
         raise ValueError(
             f"input of shape {list(inputs.shape)} has too many dimensions: give a number, or "
@@ -186,5 +186,5 @@ def _above_floor(points: list[FixedPoint], node: Node, input: float) -> list[Fix
     if node.floor is None:
         return points
     kept = [point for point in points if point.u >= node.floor]
-    rate = node.rate(torch.tensor(input), torch.tensor(node.floor, dtype=torch.float64))
+    rate = node.rate(*torch.tensor([input, node.floor], dtype=torch.float64))
     return [FixedPoint(node.floor, True), *kept] if rate < 0 else kept

@@ -127,7 +127,7 @@ def rate_code(
     **Error.** ``rate_code(space_code(value, n, low, high, sigma), low, high)`` is ``value``
     within 1e-5 of a site for a sigma from 1 to n/10 (in float64; float32 rounds to about 1e-7 of
     the range). A bump narrower than a site is drawn to the nearest one (at sigma 0.5 by up to
-    0.01 sites). On a zero axis the bump must lie five sigma off the edges: one that the edge cuts
+    0.03 sites). On a zero axis the bump must lie five sigma off the edges: one that the edge cuts
     is read too near the middle, by 0.8 sigma at the edge itself.
 
     Raises:

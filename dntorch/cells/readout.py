@@ -167,14 +167,15 @@ def _regions(on: Tensor, borders: Sequence[str]) -> Tensor:
 
 
 def _spread(label: Tensor, borders: Sequence[str]) -> Tensor:
-    """Largest label among each site and its neighbours."""
+    """Largest label among each site and its neighbours along the axes."""
+    largest = label
     for axis, border in enumerate(borders, start=1):
         left, right = label.roll(1, axis), label.roll(-1, axis)
         if border == "zero":
             left.narrow(axis, 0, 1).zero_()
             right.narrow(axis, -1, 1).zero_()
-        label = torch.maximum(label, torch.maximum(left, right))
-    return label
+        largest = torch.maximum(largest, torch.maximum(left, right))
+    return largest
 
 
 def _sum(weight: Tensor, number: Tensor, most: int) -> Tensor:
