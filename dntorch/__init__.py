@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from dntorch.cells.codes import rate_code, space_code
     from dntorch.cells.kernels import Gauss, Global, Matrices
     from dntorch.cells.readout import peaks
+    from dntorch.cells.stimuli import gauss
     from dntorch.dynamics import Dynamics
+    from dntorch.modules.architecture import Architecture, Link
     from dntorch.modules.behaviors import ElementaryBehaviors
     from dntorch.modules.constraints import Constraints
     from dntorch.modules.curiosity import Curiosity
@@ -29,9 +31,13 @@ if TYPE_CHECKING:
     from dntorch.modules.habituation import Habituation
     from dntorch.modules.hebbian import HebbianQ
     from dntorch.modules.learner import Learner
+    from dntorch.modules.memory_trace import MemoryTrace
     from dntorch.modules.node import NodeWTA
     from dntorch.modules.opposition import ValueOpposition
+    from dntorch.modules.projection import Projection
+    from dntorch.modules.random_input import Noise
     from dntorch.modules.recall import Recall
+    from dntorch.modules.relay import Relay
     from dntorch.modules.repertoire import Repertoire
     from dntorch.modules.sarsa import DNSarsa
     from dntorch.modules.sensorimotor import Direct, Sensorimotor
@@ -40,11 +46,13 @@ if TYPE_CHECKING:
     from dntorch.modules.working_memory import ItemOrderWM
     from dntorch.noise import Exploration
     from dntorch.number import Number
+    from dntorch.rollout import rollout
     from dntorch.version import __version__ as __version__
 else:  # the same, later
     __getattr__, __dir__ = later(
         __name__,
         {
+            "Architecture": "modules.architecture",
             "Constraints": "modules.constraints",
             "Curiosity": "modules.curiosity",
             "DNF": "modules.field",
@@ -62,10 +70,15 @@ else:  # the same, later
             "HebbianQ": "modules.hebbian",
             "ItemOrderWM": "modules.working_memory",
             "Learner": "modules.learner",
+            "Link": "modules.architecture",
             "Matrices": "cells.kernels",
+            "MemoryTrace": "modules.memory_trace",
             "NodeWTA": "modules.node",
+            "Noise": "modules.random_input",
             "Number": "number",
+            "Projection": "modules.projection",
             "Recall": "modules.recall",
+            "Relay": "modules.relay",
             "Repertoire": "modules.repertoire",
             "Sensorimotor": "modules.sensorimotor",
             "TPCell": "modules.transient",
@@ -73,16 +86,19 @@ else:  # the same, later
             "ValueOpposition": "modules.opposition",
             "__version__": "version",
             "fixed_points": "analysis",
+            "gauss": "cells.stimuli",
             "losses": "losses",
             "peaks": "cells.readout",
             "plots": "plots",
             "rate_code": "cells.codes",
+            "rollout": "rollout",
             "space_code": "cells.codes",
         },
     )
 
 __all__ = [
     "DNF",
+    "Architecture",
     "Constraints",
     "Curiosity",
     "DNSarsa",
@@ -99,10 +115,15 @@ __all__ = [
     "HebbianQ",
     "ItemOrderWM",
     "Learner",
+    "Link",
     "Matrices",
+    "MemoryTrace",
     "NodeWTA",
+    "Noise",
     "Number",
+    "Projection",
     "Recall",
+    "Relay",
     "Repertoire",
     "Sensorimotor",
     "TPCell",
@@ -110,9 +131,11 @@ __all__ = [
     "ValueOpposition",
     "envs",
     "fixed_points",
+    "gauss",
     "losses",
     "peaks",
     "plots",
     "rate_code",
+    "rollout",
     "space_code",
 ]

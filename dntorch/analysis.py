@@ -64,6 +64,8 @@ def fixed_points(
     * *Heaviside*: f jumps at the threshold, and where the rate changes its sign in the jump, the
       threshold is an entry, as in the limit of steep sigmoids: unstable with ``c > 0``, stable
       with ``c < 0``, where the activation is driven back from both sides.
+    * *Semi-linear* output has no bound: with ``c * steepness > 1`` the upper fixed point is
+      unstable, and beyond it, or without it, the activation grows for ever; the list may be empty.
     * *A floor* of a ``NodeWTA``: nothing is below it, and it is stable where the rate on it is
       negative.
 
@@ -83,7 +85,7 @@ def fixed_points(
     [1, 3, 1]
     """
     one, inputs = equation(node), _inputs(input)
-    find = _at_jump if one.kind == "heaviside" else _between_turns
+    find = {"heaviside": _at_jump, "semilinear": _at_kink}.get(one.kind, _between_turns)
     found = [_above_floor(points, one, s) for points, s in zip(find(one, inputs), inputs.tolist())]
     return found[0] if not isinstance(input, Tensor) or input.dim() == 0 else found
 
@@ -130,10 +132,8 @@ def _turns(node: Node) -> list[float]:
         half = math.acosh(math.sqrt(strength) / 2) * 2 / node.steepness
     elif node.kind == "abs" and strength > 2:  # c b / 2 = (1 + b |x|) ** 2
         half = (math.sqrt(strength / 2) - 1) / node.steepness
-    elif node.kind in ("logistic", "abs"):
-        return []
     else:
-        raise ValueError(f"kind={node.kind!r}: fixed_points knows 'logistic', 'abs', 'heaviside'")
+        return []
     return [node.threshold - half, node.threshold + half]
 
 
@@ -178,6 +178,16 @@ def _at_jump(node: Node, inputs: Tensor) -> list[list[FixedPoint]]:
             touched = edge in (below, above)
             found.append(FixedPoint(edge, node.gain < 0 or (touched and node.gain == 0)))
         points.append(found + ([FixedPoint(above, True)] if above > edge else []))
+    return points
+
+
+def _at_kink(node: Node, inputs: Tensor) -> list[list[FixedPoint]]:
+    """Fixed points of a node whose output is a line above the threshold and zero below."""
+    slope, edge, points = node.gain * node.steepness - 1, node.threshold, []
+    for below in (inputs + node.h).tolist():
+        found = [FixedPoint(below, below < edge or slope < 0)] if below <= edge else []
+        above = edge - (below - edge) / slope if slope else edge
+        points.append(found + ([FixedPoint(above, slope < 0)] if above > edge else []))
     return points
 
 

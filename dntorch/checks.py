@@ -87,20 +87,21 @@ def check_real(name: str, tensor: Tensor) -> None:
 
 
 def check_no_nan(name: str, tensor: Tensor) -> None:
-    """Raise if a number is NaN; not under `compile`, `export` and `vmap`, which see no numbers."""
-    bad = _count(tensor.isnan())
+    """Raise if a number is NaN, where `count` sees any."""
+    bad = count(tensor.isnan())
     if bad:
         raise ValueError(f"{name} has {bad} NaN of {tensor.numel()} numbers: mend what made them")
 
 
 def check_within(name: str, tensor: Tensor, low: float, high: float) -> None:
-    """Raise unless all numbers are in a range; as `check_no_nan`."""
-    if _count(~((tensor >= low) & (tensor <= high))):
+    """Raise unless all numbers are in a range, where `count` sees any."""
+    if count(~((tensor >= low) & (tensor <= high))):
         worst = max(tensor.detach().flatten().tolist(), key=lambda x: max(low - x, x - high))
         raise ValueError(f"{name}={worst} is out of range: give {low} to {high}")
 
 
-def _count(bad: Tensor) -> int:
+def count(bad: Tensor) -> int:
+    """How many are bad; 0 under `compile`, `export` and `vmap`, which see no numbers."""
     if torch.compiler.is_compiling() or torch.jit.is_tracing():
         return 0
     try:

@@ -22,7 +22,7 @@ def later(
                 f"module {package!r} has no attribute {name!r}", name=name, obj=module
             )
         home = import_module(f"{package}.{homes[name]}")
-        value = home if name == homes[name] else getattr(home, name)
+        value = getattr(home, name, home) if name == homes[name] else getattr(home, name)
         setattr(module, name, value)  # the next time it is there
         return value
 

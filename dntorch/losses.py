@@ -15,9 +15,10 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
-from dntorch.cells.codes import Bound, bump
+from dntorch.cells.codes import Bound
 from dntorch.cells.kernels import per_axis
 from dntorch.cells.readout import Border, field_of
+from dntorch.cells.stimuli import gauss
 from dntorch.checks import check_finite_number, check_no_nan, check_real, check_within
 
 REACH = 3.0
@@ -34,31 +35,31 @@ def peak_loss(
 ) -> Tensor:
     r"""Small for a peak at ``position`` and none elsewhere.
 
-    .. math:: L = \frac{\sum_x g(x)\, \ell(\mu - u(x))}{\sum_x g(x)}
+    .. math:: L = \frac{\sum_x w(x)\, \ell(\mu - u(x))}{\sum_x w(x)}
               + \ell\left(\max_{|x - p| > 3 \sigma} u(x) - \mu\right), \qquad
-              g(x) = e^{-(x - p)^2 / 2 \sigma^2}
+              w(x) = \max\left(0,\, e^{-(x - p)^2 / 2 \sigma^2} - e^{-1/2}\right)
 
-    The first term wants the sites around the position on, the second all sites farther than
-    three sigma off; those between are free, so a field may have peaks of its own width. Below
-    :math:`\log 2` there is a site on here, and none far away.
+    The first term wants the sites within one sigma of the position on, most of all the middle;
+    the second wants all beyond three sigma off. Those between are free, so that a field may have
+    peaks of its own width. Below :math:`\log 2` a site is on here, and none is far away.
 
     ==============  =====  ================================================================
     argument        unit   meaning
     ==============  =====  ================================================================
     ``u``           1      activation of the field, not its output
     ``position``    sites  where the peak shall be, from 0; may lie between sites
-    ``sigma``       sites  tolerance, one or one per axis; half the width of a peak is a good one
+    ``sigma``       sites  tolerance, at least 1; one or one per axis
     ``border``      --     "circular" or "zero" of a line; a tuple has one per axis
     ``threshold``   1      a site is on above it
     ``reduction``   --     "mean", "sum" or "none"
     ==============  =====  ================================================================
 
     Shapes: ``position`` is ``(*batch,)`` for a line and ``(*batch, axes)`` with a tuple of
-    borders, or broadcasts to that. Differentiable in ``u``, and through g in ``position``.
+    borders, or broadcasts to that. Differentiable in ``u``, and through w in ``position``.
 
     Raises:
         TypeError: ``u`` or ``position`` is no tensor of floats.
-        ValueError: NaN, shapes that do not fit, ``sigma`` below half a site, a position
+        ValueError: NaN, shapes that do not fit, ``sigma`` below one site, a position
             beyond a zero border, an unknown reduction.
 
     >>> u = torch.full((51,), -5.0)
@@ -71,15 +72,16 @@ def peak_loss(
     borders, shape = _checked(u, border, threshold, reduction)
     batch = list(u.shape[: u.dim() - len(shape)])
     for width in per_axis("sigma", sigma, len(shape)):
-        if not width >= 0.5:
-            raise ValueError(f"sigma={width} is less than half a site: give at least 0.5")
+        if not width >= 1:
+            raise ValueError(f"sigma={width} is less than one site: give at least 1")
     places = _places(position, batch, border, len(shape))
     for place, n, word in zip(places, shape, borders, strict=True):
         if word == "zero":
             check_within("position", place, 0, n - 1)
-    bell = bump(places, shape, sigma, borders)
+    bell = gauss(shape, places, sigma, 1.0, borders)
     dims = list(range(-len(shape), 0))
-    here = (bell * softplus(threshold - u)).sum(dims) / bell.sum(dims)
+    weight = torch.relu(bell - math.exp(-0.5))
+    here = (weight * softplus(threshold - u)).sum(dims) / weight.sum(dims)
     near = bell >= math.exp(-0.5 * REACH**2)
     far = softplus(torch.where(near, -math.inf, u).amax(dims) - threshold)
     return _reduced(here + far, reduction)

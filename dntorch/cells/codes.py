@@ -16,11 +16,11 @@ from torch import Tensor
 
 from dntorch.cells.kernels import per_axis
 from dntorch.cells.readout import Border, center_of_mass, field_of, words
+from dntorch.cells.stimuli import gauss
 from dntorch.checks import (
     check_count,
     check_finite_number,
     check_no_nan,
-    check_positive,
     check_real,
 )
 
@@ -43,7 +43,7 @@ def space_code(
               p = \frac{\text{value} - \text{low}}{\text{high} - \text{low}} \cdot
               \begin{cases} n & \text{circular} \\ n - 1 & \text{zero} \end{cases}
 
-    with the shortest distance around a circular axis; a product over the axes of a sheet.
+    a `gauss` there, with the shortest distance around a circular axis.
 
     =============  =====  ============================================================
     argument       unit   meaning
@@ -85,7 +85,7 @@ def space_code(
             "per axis, or a whole number as shape for a line"
         )
     places = [(v - a) / step for v, (a, step) in zip(columns, scales, strict=True)]
-    return amplitude * bump(places, sizes, sigma, borders)
+    return gauss(sizes, places, sigma, amplitude, borders)
 
 
 def rate_code(
@@ -152,22 +152,6 @@ def rate_code(
         value = torch.where(is_silent | center.isnan(), rest, a + step * center)
         values.append(torch.where(line.isnan().any(-1), math.nan, value))
     return values[0] if isinstance(border, str) else torch.stack(values, -1)
-
-
-def bump(
-    places: Sequence[Tensor], shape: Sequence[int], sigma: Bound, borders: Sequence[str]
-) -> Tensor:
-    """Gaussian of height 1 at ``places``, sites ``(*batch,)`` per axis: ``(*batch, *shape)``."""
-    axes, total = len(shape), torch.ones(())
-    widths = per_axis("sigma", sigma, axes)
-    for axis, (place, n, width) in enumerate(zip(places, shape, widths, strict=True)):
-        check_positive("sigma", width, "give sites")
-        away = torch.arange(n, dtype=place.dtype, device=place.device) - place.unsqueeze(-1)
-        if borders[axis] == "circular":
-            away = (away + n / 2) % n - n / 2
-        line = torch.exp(-0.5 * (away / width) ** 2)
-        total = total * line.reshape(*place.shape, *[1] * axis, n, *[1] * (axes - 1 - axis))
-    return total
 
 
 def _scales(

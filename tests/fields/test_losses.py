@@ -41,11 +41,11 @@ def test_they_order_fields_as_one_would():
 
 
 def test_they_are_log_2_at_the_threshold_for_any_size():
-    for shape, border in (((5,), "zero"), ((300,), "circular"), ((20, 30), TORUS)):
+    for shape, border in (((9,), "zero"), ((300,), "circular"), ((20, 30), TORUS)):
         u = torch.full(shape, 1.5).double()
         position = torch.full((len(shape),), 2.0).double() if len(shape) > 1 else torch.tensor(2.0)
         assert no_peak_loss(u, border, 1.5).item() == pytest.approx(math.log(2))
-        both = peak_loss(u, position, 0.5, border, 1.5).item()
+        both = peak_loss(u, position, 1.0, border, 1.5).item()
         assert both == pytest.approx(2 * math.log(2))
     # A tolerance that covers the field leaves no site to be off.
     assert peak_loss(torch.zeros(5), torch.tensor(2.0), 9.0).item() == pytest.approx(math.log(2))
@@ -128,8 +128,8 @@ def test_they_compile_and_vmap():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"sigma": -1.0}, "sigma=-1.0 is less than half a site: give at least 0.5"),
-        ({"sigma": math.nan}, "sigma=nan is less than half a site"),
+        ({"sigma": -1.0}, "sigma=-1.0 is less than one site: give at least 1"),
+        ({"sigma": math.nan}, "sigma=nan is less than one site"),
         ({"sigma": (1.0, 2.0)}, "sigma=.* has 2 entries for 1 axes"),
         ({"reduction": "average"}, "reduction='average' is unknown: choose 'mean', 'sum' or"),
         ({"threshold": math.inf}, "threshold=inf is not finite"),
