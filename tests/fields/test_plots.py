@@ -51,7 +51,7 @@ def test_peaks_of_a_line_are_marked_on_its_curve(ax):
     torch.testing.assert_close(drawn(ax, "field")[:, 1], u.double())
     assert drawn(ax, "field")[:, 0].tolist() == list(range(40))
     marks = drawn(ax, "centres of peaks")
-    torch.testing.assert_close(marks[:, 0], torch.tensor([8.5, 39.5]).double(), atol=1e-4, rtol=0)
+    torch.testing.assert_close(marks[:, 0], torch.tensor([8.5, 39.5]).double(), atol=2e-3, rtol=0)
     height = torch.stack(((u[8] + u[9]) / 2, (u[39] + u[0]) / 2)).double()
     torch.testing.assert_close(marks[:, 1], height, atol=1e-3, rtol=0)
     assert drawn(ax, "threshold")[:, 1].tolist() == [0.0, 0.0]
