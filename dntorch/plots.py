@@ -24,7 +24,7 @@ from dntorch.modules.node import NodeWTA
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INK, LINE, MARK = "#30363d", "#2f6fde", "#e5484d"
+INK, LINE = "#30363d", "#2f6fde"
 
 
 def space_time(
@@ -49,7 +49,7 @@ def space_time(
     check_positive("dt", dt, "give seconds per step")
     ax = _axes(ax, (8, 3.6))
     steps, n = values.shape
-    _image(ax, values.T, (0.0, steps * dt, -0.5, n - 0.5), label)
+    _image(ax, values.T, (0.0, steps * dt, -0.5, n - 0.5), label, "auto")
     ax.set(xlabel="time (s)", ylabel="position (sites)")
     return ax
 
@@ -80,7 +80,13 @@ def peaks(
     found, values = find_peaks(u, threshold, border), u.detach().cpu()
     center = found.center.detach().cpu()
     ax = _axes(ax, (6, 3.6))
-    look = {"linestyle": "none", "marker": "o", "color": MARK, "label": "centres of peaks"}
+    look = {
+        "linestyle": "none",
+        "markeredgecolor": "white",
+        "marker": "o",
+        "color": INK,
+        "label": "centres of peaks",
+    }
     if len(shape) == 1:
         sites = torch.arange(shape[0])
         ax.plot(sites.numpy(), values.numpy(), color=LINE, label="field")
@@ -178,18 +184,23 @@ def _axes(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
 
 
 def _image(
-    ax: "Axes", values: Tensor, extent: tuple[float, float, float, float], label: str
+    ax: "Axes",
+    values: Tensor,
+    extent: tuple[float, float, float, float],
+    label: str,
+    aspect: str = "equal",
 ) -> None:
     """Rows upwards; colours symmetrical around zero where there are negative values."""
     low, high = (float(end) for end in values.aminmax())
     most = max(abs(low), abs(high)) or 1.0
     colors = {"cmap": "RdBu_r", "vmin": -most} if low < 0 else {"cmap": "Greys", "vmin": 0.0}
-    look = {"origin": "lower", "aspect": "auto", "interpolation": "nearest"}
+    look = {"origin": "lower", "aspect": aspect, "interpolation": "nearest"}
     image = ax.imshow(values.numpy(), extent=extent, vmax=most, **colors, **look)
     ax.figure.colorbar(image, ax=ax, label=label)
 
 
 def _shown(name: str, tensor: Tensor, dims: int, form: str) -> Tensor:
+    """A tensor of so many dimensions, ready to be drawn; or raise."""
     check_real(name, tensor)
     check_no_nan(name, tensor)
     if tensor.dim() != dims or not tensor.numel():
