@@ -22,6 +22,7 @@ from dntorch.checks import (
     check_finite_number,
     check_no_nan,
     check_real,
+    count,
 )
 
 Bound = float | Sequence[float]
@@ -119,10 +120,10 @@ def rate_code(
     Shapes: with one border ``(*batch, n)`` to ``(*batch,)``; with a tuple
     ``(*batch, *shape)`` to ``(*batch, axes)``. Differentiable in ``output``.
 
-    **A silent field** has no value. The result is ``silent``, and its gradient zero: a resting
-    field's tiny outputs would else give an arbitrary number. So it is for a ring that is on all
-    around evenly. Where the difference matters give ``silent=math.nan``, or ask
-    ``output.amax(-1) > 0.5``. NaN in the output itself gives NaN.
+    **A silent field** has no value. The result is ``silent``, and its gradient is zero; without
+    this rule the tiny outputs of a resting field would give an arbitrary number. The same holds
+    for a ring that is on evenly all around. Where the difference matters give
+    ``silent=math.nan``, or ask ``output.amax(-1) > 0.5``. NaN in the output gives NaN.
 
     **Error.** ``rate_code(space_code(value, n, low, high, sigma), low, high)`` is ``value``
     within 1e-5 of a site for a sigma from 1 to n/10 (in float64; float32 rounds to about 1e-7 of
@@ -132,7 +133,8 @@ def rate_code(
 
     Raises:
         TypeError: ``output`` is no tensor of floats.
-        ValueError: ``low >= high``, fewer dimensions than borders, a zero axis of one site.
+        ValueError: a negative output, ``low >= high``, fewer dimensions than borders, a zero axis of
+            one site.
 
     >>> rate_code(space_code(torch.tensor([10.0, 350.0]), 72, 0.0, 360.0, 3.0), 0.0, 360.0)
     tensor([ 10.0000, 350.0000])
@@ -142,6 +144,8 @@ def rate_code(
     borders, shape = field_of("output", output, border)
     scales = _scales(low, high, borders, shape)
     check_finite_number("threshold", threshold)
+    if negative := count(output < 0):
+        raise ValueError(f"output has {negative} numbers below 0: give f(u), not the activation u")
     dims = list(range(-len(shape), 0))
     is_silent, values = ~(output.amax(dims) > threshold), []
     for axis, (word, (a, step), n) in enumerate(zip(borders, scales, shape, strict=True)):

@@ -453,6 +453,7 @@ def test_codes_are_differentiable_compile_and_vmap():
         (lambda v: space_code(v, 9, 0.0, 1.0, 1.0, amplitude=math.nan), "amplitude=nan"),
         (lambda v: rate_code(v, 0.0, 1.0), r"output of shape \[\] is no field of 1 axes"),
         (lambda v: rate_code(v + torch.ones(5), 2.0, 1.0), "low=2.0 is not below high=1.0"),
+        (lambda v: rate_code(v - torch.ones(5), 0.0, 1.0), "output has 5 numbers below 0: give f"),
         (lambda v: rate_code(v + torch.ones(5), 0.0, 1.0, "cyclic"), "border='cyclic' is unknown"),
     ],
 )
