@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from dntorch.cells.kernels import Kernel
 from dntorch.checks import check_ends
 from dntorch.dynamics import Dynamics
-from dntorch.modules.elements import Arm, Element, Member, Passing, Stimulus
+from dntorch.modules.elements import Arm, Element, Elements, Member, Passing, Stimulus
 from dntorch.modules.field import sites
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay
@@ -42,7 +42,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
     >>> cue = gauss((4, 50), (1, 20), (0.5, 2.0), 9.0)
     >>> for _ in range(32):
     ...     outputs = model({"scene": cue})
-    >>> int(outputs["space"].argmax())
+    >>> int(model.state["space"].argmax())
     20
 
     Args:
@@ -109,7 +109,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         self._carried = list(behind)
         self._passes = (1 + max(behind.values(), default=0)) if self.ordered and filled else 0
         self.stimuli = nn.ModuleDict({escaped(k): Stimulus(k, x) for k, x in stimuli.items()})
-        self.elements = nn.ModuleDict()
+        self.elements = Elements(sequence)
         for label in sequence:
             part = parts[label]
             if isinstance(part, Relay):
