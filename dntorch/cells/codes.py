@@ -133,8 +133,8 @@ def rate_code(
 
     Raises:
         TypeError: ``output`` is no tensor of floats.
-        ValueError: a negative output, ``low >= high``, fewer dimensions than borders, a zero axis of
-            one site.
+        ValueError: a negative output, ``low >= high``, fewer dimensions than borders, a zero
+            axis of one site.
 
     >>> rate_code(space_code(torch.tensor([10.0, 350.0]), 72, 0.0, 360.0, 3.0), 0.0, 360.0)
     tensor([ 10.0000, 350.0000])

@@ -412,6 +412,7 @@ def test_a_silent_field_says_so():
     field = DNF(51)
     silent = field(torch.zeros(51))  # at rest its outputs are tiny, but not zero
     assert silent.max() > 0 and rate_code(silent, 0.0, 360.0) == 180
+    assert rate_code(silent, -2.0, 1.0, "zero") == -0.5
     assert rate_code(silent, -2.0, 1.0, "zero", silent=7.0) == 7
     assert rate_code(silent, 0.0, 1.0, silent=math.nan).isnan()
     assert rate_code(torch.ones(51), 0.0, 1.0) == 0.5  # on all around: no direction
