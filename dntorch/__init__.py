@@ -13,7 +13,11 @@ from dntorch import envs
 from dntorch.lazy import later
 
 if TYPE_CHECKING:
+    from dntorch import losses, plots
+    from dntorch.analysis import fixed_points
+    from dntorch.cells.codes import rate_code, space_code
     from dntorch.cells.kernels import Gauss, Global, Matrices
+    from dntorch.cells.readout import peaks
     from dntorch.cells.stimuli import gauss
     from dntorch.dynamics import Dynamics
     from dntorch.modules.architecture import Architecture, Link
@@ -81,8 +85,15 @@ else:  # the same, later
             "ValueNodes": "modules.value",
             "ValueOpposition": "modules.opposition",
             "__version__": "version",
+            "fixed_points": "analysis",
             "gauss": "cells.stimuli",
             "rollout": "through_time",
+            "losses": "losses",
+            "peaks": "cells.readout",
+            "plots": "plots",
+            "rate_code": "cells.codes",
+            "rollout": "through_time",
+            "space_code": "cells.codes",
         },
     )
 
@@ -120,6 +131,12 @@ __all__ = [
     "ValueNodes",
     "ValueOpposition",
     "envs",
+    "fixed_points",
     "gauss",
+    "losses",
+    "peaks",
+    "plots",
+    "rate_code",
     "rollout",
+    "space_code",
 ]
