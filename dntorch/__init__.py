@@ -14,7 +14,9 @@ from dntorch.lazy import later
 
 if TYPE_CHECKING:
     from dntorch.cells.kernels import Gauss, Global, Matrices
+    from dntorch.cells.stimuli import gauss
     from dntorch.dynamics import Dynamics
+    from dntorch.modules.architecture import Architecture, Link
     from dntorch.modules.behaviors import ElementaryBehaviors
     from dntorch.modules.constraints import Constraints
     from dntorch.modules.curiosity import Curiosity
@@ -25,9 +27,13 @@ if TYPE_CHECKING:
     from dntorch.modules.habituation import Habituation
     from dntorch.modules.hebbian import HebbianQ
     from dntorch.modules.learner import Learner
+    from dntorch.modules.memory_trace import MemoryTrace
     from dntorch.modules.node import NodeWTA
     from dntorch.modules.opposition import ValueOpposition
+    from dntorch.modules.projection import Projection
+    from dntorch.modules.random_input import Noise
     from dntorch.modules.recall import Recall
+    from dntorch.modules.relay import Relay
     from dntorch.modules.repertoire import Repertoire
     from dntorch.modules.sarsa import DNSarsa
     from dntorch.modules.sensorimotor import Direct, Sensorimotor
@@ -36,11 +42,13 @@ if TYPE_CHECKING:
     from dntorch.modules.working_memory import ItemOrderWM
     from dntorch.noise import Exploration
     from dntorch.number import Number
+    from dntorch.rollout import rollout
     from dntorch.version import __version__ as __version__
 else:  # the same, later
     __getattr__, __dir__ = later(
         __name__,
         {
+            "Architecture": "modules.architecture",
             "Constraints": "modules.constraints",
             "Curiosity": "modules.curiosity",
             "DNF": "modules.field",
@@ -58,21 +66,29 @@ else:  # the same, later
             "HebbianQ": "modules.hebbian",
             "ItemOrderWM": "modules.working_memory",
             "Learner": "modules.learner",
+            "Link": "modules.architecture",
             "Matrices": "cells.kernels",
+            "MemoryTrace": "modules.memory_trace",
             "NodeWTA": "modules.node",
+            "Noise": "modules.random_input",
             "Number": "number",
+            "Projection": "modules.projection",
             "Recall": "modules.recall",
+            "Relay": "modules.relay",
             "Repertoire": "modules.repertoire",
             "Sensorimotor": "modules.sensorimotor",
             "TPCell": "modules.transient",
             "ValueNodes": "modules.value",
             "ValueOpposition": "modules.opposition",
             "__version__": "version",
+            "gauss": "cells.stimuli",
+            "rollout": "rollout",
         },
     )
 
 __all__ = [
     "DNF",
+    "Architecture",
     "Constraints",
     "Curiosity",
     "DNSarsa",
@@ -89,14 +105,21 @@ __all__ = [
     "HebbianQ",
     "ItemOrderWM",
     "Learner",
+    "Link",
     "Matrices",
+    "MemoryTrace",
     "NodeWTA",
+    "Noise",
     "Number",
+    "Projection",
     "Recall",
+    "Relay",
     "Repertoire",
     "Sensorimotor",
     "TPCell",
     "ValueNodes",
     "ValueOpposition",
     "envs",
+    "gauss",
+    "rollout",
 ]

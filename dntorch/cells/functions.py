@@ -1,6 +1,7 @@
 """Output functions: from activation to firing rate, elementwise; and what a firing rate says.
 
-All output functions but `rectified` run from 0 to 1 and are 1/2 at ``threshold``.
+All output functions but `rectified` and `semilinear` run from 0 to 1 and are 1/2 at
+``threshold``.
 """
 
 import torch
@@ -43,15 +44,27 @@ def rectified(u: Tensor, threshold: float) -> Tensor:
     return torch.where(u > threshold, u, 0)  # NaN is above nothing
 
 
+def semilinear(u: Tensor, steepness: float, threshold: float) -> Tensor:
+    r"""Zero up to the threshold, then a line, :math:`f(u) = \beta \max(0, u - \mu)`."""
+    return torch.relu(steepness * (u - threshold))
+
+
+KINDS = ("abs", "logistic", "heaviside", "semilinear")
+
+
 def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
-    """The sigmoid called ``kind``: ``"abs"``, ``"logistic"`` or ``"heaviside"``."""
+    """The output function called ``kind``, one of `KINDS`."""
     if kind == "abs":
         return abs_sigmoid(u, steepness, threshold)
     if kind == "logistic":
         return logistic(u, steepness, threshold)
     if kind == "heaviside":
         return heaviside(u, threshold)
-    raise ValueError(f"kind='{kind}' is no sigmoid: choose 'abs', 'logistic' or 'heaviside'")
+    if kind == "semilinear":
+        return semilinear(u, steepness, threshold)
+    raise ValueError(
+        f"kind='{kind}' is no sigmoid: choose 'abs', 'logistic', 'heaviside' or 'semilinear'"
+    )
 
 
 def finite(x: Tensor) -> Tensor:

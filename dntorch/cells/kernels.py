@@ -24,7 +24,7 @@ class Gauss(NamedTuple):
     amplitude: float | Tensor
     """Sum over all taps if ``normalized``, else height of the middle."""
     sigma: float | Tensor | tuple[float | Tensor, ...]
-    """Standard deviation in sites, one for all axes or one per axis."""
+    """Standard deviation in sites, one for all axes or one per axis; 0: the site itself alone."""
     shift: float | Tensor | tuple[float | Tensor, ...] = 0.0
     """Sites by which the effect lies to the right of its cause; moves peaks."""
     cutoff: float = 5.0
@@ -71,11 +71,13 @@ def gauss_matrix(
     if border not in ("circular", "zero"):
         raise ValueError(f"border={border!r} is unknown: choose 'circular' or 'zero'")
     (width, _), (place, _) = span(sigma), span(shift)
-    if not (width > 0 and cutoff > 0):
-        raise ValueError(f"sigma={width} and cutoff={cutoff} must be positive")
+    if not (width >= 0 and cutoff > 0):
+        raise ValueError(f"sigma={width} is negative, or cutoff={cutoff} not positive: give widths")
     sites, reach = torch.arange(1 - n, n, dtype=torch.float64), math.ceil(cutoff * width)
 
     def bell(distance: Tensor) -> Tensor:
+        if width == 0:
+            return (distance == 0).double()
         return torch.exp(-0.5 * (distance / sigma) ** 2) * (distance.abs() <= reach)
 
     if border == "circular":
@@ -90,10 +92,14 @@ def gauss_matrix(
 
 
 def assemble(
-    kernel: Kernel, shape: list[int], border: str | Sequence[str]
+    kernel: Kernel,
+    shape: list[int],
+    border: str | Sequence[str],
+    source: list[int] | None = None,
 ) -> tuple[list[Tensor], float | Tensor]:
     """Matrices of a kernel on a field of ``shape``: for each axis a stack ``(terms, n, n)``
-    in float64, and the amplitude of the global term.
+    in float64, and the amplitude of the global term. From a field of another shape, ``source``,
+    they are ``(terms, to, from)``.
 
     On one axis all terms, the global one too, are added to a single matrix; on none a
     Gaussian is a plain factor, as the global term is.
@@ -101,7 +107,7 @@ def assemble(
     Raises:
         ValueError: a term that is none or has no effect; the sentence shows it.
     """
-    axes = len(shape)
+    axes, source = len(shape), shape if source is None else source
     borders = per_axis("border", border, axes)
     total, terms = 0.0, []
     for term in as_terms(kernel):
@@ -110,12 +116,17 @@ def assemble(
             if isinstance(term, Global) or (isinstance(term, Gauss) and axes == 0):
                 total = total + term.amplitude
             elif isinstance(term, Gauss):
+                if shape != source:
+                    raise ValueError(
+                        f"sizes {source} become {shape}: give Matrices of {shape[0]} by {source[0]}"
+                    )
                 terms.append(_gauss_matrices(term, shape, borders))
             else:
-                terms.append(_given_matrices(term, shape))
+                terms.append(_given_matrices(term, shape, source))
         except ValueError as error:
             raise ValueError(f"{_shown(term)}: {error}") from error
-    terms = terms or [[torch.zeros(n, n, dtype=torch.float64) for n in shape]]
+    zeros = [torch.zeros(size, dtype=torch.float64) for size in zip(shape, source, strict=True)]
+    terms = terms or [zeros]
     stacks = [torch.stack(matrices) for matrices in zip(*terms, strict=True)]
     if axes == 1:
         return [stacks[0].sum(0, keepdim=True) + total], 0.0
@@ -149,11 +160,12 @@ def _gauss_matrices(term: Gauss, shape: list[int], borders: tuple) -> list[Tenso
     return [term.amplitude * matrices[0], *matrices[1:]]
 
 
-def _given_matrices(term: Matrices, shape: list[int]) -> list[Tensor]:
+def _given_matrices(term: Matrices, shape: list[int], source: list[int]) -> list[Tensor]:
     matrices = [torch.as_tensor(matrix).double() for matrix in term.matrices]
     sizes = [list(matrix.shape) for matrix in matrices]
-    if sizes != [[n, n] for n in shape]:
-        raise ValueError(f"matrices of {sizes} do not fit {shape=}: give (n, n) per axis")
+    wanted = [list(size) for size in zip(shape, source, strict=True)]
+    if sizes != wanted:
+        raise ValueError(f"matrices of {sizes} do not fit {shape=}: give {wanted}, [to, from]")
     return matrices
 
 

@@ -1,22 +1,21 @@
 """Dynamic neural fields."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import torch
 from torch import Tensor
-from torch.utils._pytree import tree_map
 
 from dntorch.cells.field import FieldState, field_step
 from dntorch.cells.functions import sigmoid
 from dntorch.cells.integrators import check_integrator
-from dntorch.cells.kernels import SELECTIVE, Global, Kernel, Matrices, as_terms, assemble
-from dntorch.checks import check_ends, check_negative, check_time_constant
+from dntorch.cells.kernels import SELECTIVE, Kernel
+from dntorch.checks import check_ends, check_time_constant
 from dntorch.dynamics import Dynamics
+from dntorch.modules.kernelled import Kernelled
 from dntorch.number import Number, wide
 
 
-class DNF(Dynamics[FieldState]):
+class DNF(Kernelled, Dynamics[FieldState]):
     r"""Dynamic neural field over 0, 1, 2 or 3 dimensions: a node, a line, a sheet, a block.
 
     .. math:: \tau \dot u(x) = -u(x) + h + S(x) + \sum_{x'} \omega(x, x') f(u(x'))
@@ -26,10 +25,12 @@ class DNF(Dynamics[FieldState]):
     ==============  ===================  ====  ================================================
     :math:`u`       ``u``                1     activation; a site is *on* above ``threshold``
     :math:`\tau`    ``tau``              s     time constant
-    :math:`h`       ``h``                1     resting level, negative
+    :math:`h`       ``h``                1     resting level; from ``threshold`` on all sites
+                                               are on at rest, as biased models want
     :math:`\omega`  ``kernel``           1     terms that add up: `Gauss`, `Global`, `Matrices`;
                                                signed, negative amplitudes inhibit
-    :math:`f`       ``kind``             1     sigmoid: "logistic", "abs" or "heaviside"
+    :math:`f`       ``kind``             1     output: "logistic", "abs", "heaviside", or
+                                               "semilinear", which has no bound
     :math:`\beta`   ``steepness``        1     of the sigmoid
     :math:`\mu`     ``threshold``        1     of the sigmoid
     \               ``border``           --    "circular" or "zero", one for all or one per axis
@@ -44,8 +45,7 @@ class DNF(Dynamics[FieldState]):
 
     ``tau`` and ``h`` may be tensors ``(*batch,)``, one number per field of a batch.
 
-    Noise is an input: ``amplitude / dt**0.5 * torch.randn(...)`` added to it moves ``u`` by
-    ``amplitude * dt**0.5 / tau * xi`` per step. NaN in an input spreads through the field.
+    Noise is an input that the caller draws: see `Noise`. NaN in an input spreads through the field.
 
     ``field.kernel`` reads as terms; setting it builds new matrices, differentiable in the
     numbers of its terms: ``field.kernel = (Gauss(a, s), Global(-0.5))`` with tensors a and s
@@ -59,7 +59,7 @@ class DNF(Dynamics[FieldState]):
     ``integrator`` is that of ``step``.
 
     Raises:
-        ValueError: ``dt / substeps > tau``, ``h`` not negative, more than three axes, a term
+        ValueError: ``dt / substeps > tau``, more than three axes, a term
             that has no effect or doesn't fit the axes; in a step, an input that doesn't end in
             ``shape`` or has another dtype.
         TypeError: an input that is no tensor.
@@ -81,14 +81,9 @@ class DNF(Dynamics[FieldState]):
     [0.0, 1.0]
     """
 
-    __jit_unused_properties__ = ("kernel",)
     settable = ("kind", "substeps", "integrator")
     u: Tensor
     shape: list[int]
-    everywhere: Tensor
-    kernel_0: Tensor
-    kernel_1: Tensor
-    kernel_2: Tensor
 
     def __init__(
         self,
@@ -107,7 +102,9 @@ class DNF(Dynamics[FieldState]):
     ) -> None:
         super().__init__(dt)
         check_integrator(integrator, substeps)
-        self.shape, self.border = _axes(shape), border
+        self.shape, self.border = sites(shape), border
+        if len(self.shape) > 3:
+            raise ValueError(f"shape={shape!r}: give 0 to 3 axes")
         self.tau, self.h = tau, h
         self.kind, self.steepness, self.threshold = kind, steepness, threshold
         self.substeps, self.integrator = substeps, integrator
@@ -116,41 +113,8 @@ class DNF(Dynamics[FieldState]):
 
     def check(self) -> None:
         check_integrator(self.integrator, self.substeps)
-        check_negative("h", self.h, "with another every site is on at rest")
         check_time_constant("tau", self.tau, self.dt / self.substeps)
         sigmoid(self.origin, self.kind, self.steepness, self.threshold)  # raises if unknown
-
-    @property
-    def kernel(self) -> Kernel:
-        """Terms, as they were set; as `Matrices` once the matrices were changed otherwise."""
-        if self.everywhere.is_meta:
-            return self._terms
-        matrices, everywhere = assemble(self._terms, self.shape, self.border)
-        built, stacks = [*matrices, torch.as_tensor(everywhere)], self._stacks()
-        # In float32: what was rounded to it and moved to float64 is the same kernel.
-        pairs = zip(built, [*stacks, self.everywhere])
-        if all(torch.equal(x.to(y).float(), y.float()) for x, y in pairs):
-            return self._terms
-        terms = [Matrices(tuple(each)) for each in zip(*(stack.unbind() for stack in stacks))]
-        whole = [Global(float(self.everywhere))] if bool(self.everywhere != 0) else []
-        return (*terms, *whole)
-
-    def __getstate__(self) -> dict[str, Any]:
-        cut = tree_map(lambda x: x.detach() if isinstance(x, Tensor) else x, self._terms)
-        return super().__getstate__() | {"_terms": cut}
-
-    @kernel.setter
-    def kernel(self, kernel: Kernel) -> None:
-        terms = as_terms(kernel)
-        matrices, everywhere = assemble(terms, self.shape, self.border)  # may refuse
-        self._terms = terms
-        self._place("everywhere", torch.as_tensor(everywhere).to(self.origin))
-        for axis in range(3):
-            stack = matrices[axis] if axis < len(matrices) else torch.empty(0)
-            self._place(f"kernel_{axis}", stack.to(self.origin))
-
-    def _stacks(self) -> list[Tensor]:
-        return [self.kernel_0, self.kernel_1, self.kernel_2][: len(self.shape)]
 
     def initial(self, batch: list[int]) -> FieldState:
         rest = self.origin.new_zeros(batch + self.shape)
@@ -188,9 +152,10 @@ class DNF(Dynamics[FieldState]):
         return self.output(state), state
 
 
-def _axes(shape: int | Sequence[int]) -> list[int]:
+def sites(shape: int | Sequence[int], name: str = "shape") -> list[int]:
+    """Sites of each axis, an int for one axis."""
     whole = isinstance(shape, int) and not isinstance(shape, bool)
-    sizes = [shape] if whole else list(shape) if isinstance(shape, Sequence) else [0]
-    if len(sizes) > 3 or not all(isinstance(n, int) and n >= 1 for n in sizes):
-        raise ValueError(f"shape={shape!r}: give 0 to 3 axes of at least one site each")
-    return sizes
+    given = [shape] if whole else list(shape) if isinstance(shape, Sequence) else [0]
+    if not all(isinstance(n, int) and not isinstance(n, bool) and n >= 1 for n in given):
+        raise ValueError(f"{name}={shape!r}: give a number of sites, at least one, for each axis")
+    return given

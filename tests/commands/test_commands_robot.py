@@ -204,7 +204,7 @@ def test_images_calibrate_colours(dntorch, tmp_path):
         (["emulate", "--pty", "--host", "127.0.0.1"], ["--host", "leave --host out"]),
         (["emulate", "--host", "192.0.2.1"], ["--host=192.0.2.1", "name another"]),
         (["emulate", "--colors", "RX"], ["RX", "ROYGCBVM"]),
-        (["emulate", "--colors", "GBC", "--missing", "V"], ["missing='V'", "give different letters"]),
+        (["emulate", "--colors", "GBC", "--missing", "V"], ["missing='V'", "different letters"]),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_line_and_exit_code_2(arguments, names, dntorch, trained, tmp_path):

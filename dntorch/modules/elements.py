@@ -1,0 +1,131 @@
+"""The elements of an architecture: each with what reaches it, and what it shows."""
+
+import torch
+from torch import Tensor, nn
+
+from dntorch.dynamics import Dynamics
+from dntorch.modules.projection import Projection
+from dntorch.modules.relay import Relay
+from dntorch.plumbing import overwrite
+
+
+class Stimulus(nn.Module):
+    """An input by name: what is given is added to a constant ``value``, by default zeros."""
+
+    value: Tensor
+
+    def __init__(self, label: str, value: Tensor) -> None:
+        super().__init__()
+        self.label = label
+        self.register_buffer("value", value, persistent=False)
+
+    def shows(self, given: dict[str, Tensor]) -> Tensor:
+        return self.value + given[self.label] if self.label in given else self.value
+
+
+class Arm(nn.Module):
+    """A link on its way into an element."""
+
+    def __init__(self, source: str, projection: Projection) -> None:
+        super().__init__()
+        self.source, self.projection = source, projection
+
+    def forward(self, shown: dict[str, Tensor]) -> Tensor:
+        return self.projection(shown[self.source])
+
+
+class Element(nn.Module):
+    """Gathers what reaches it; a `Member` or a `Passing` says what comes of it.
+
+    Attributes:
+        label: its name in inputs, outputs and states.
+        kept: whether the state of the architecture has an entry for it.
+        passing: whether it is a relay.
+    """
+
+    shape: list[int]
+
+    def __init__(self, label: str, shape: list[int], arms: list[Arm]) -> None:
+        super().__init__()
+        self.label, self.shape = label, shape
+        self.kept, self.passing, self.product = True, False, False
+        self.arms = nn.ModuleList(arms)
+        self.register_buffer("nothing", torch.zeros(shape), persistent=False)
+
+    def gather(self, shown: dict[str, Tensor], given: dict[str, Tensor]) -> Tensor:
+        """What reaches it, from what others show and what is given by hand."""
+        reaching: list[Tensor] = []
+        for arm in self.arms:
+            reaching.append(arm(shown))
+        total = self.nothing
+        for k, each in enumerate(reaching):
+            if k == 0:
+                total = each
+            else:
+                total = total * each if self.product else total + each
+        return total + given[self.label] if self.label in given else total
+
+
+class Member(Element):
+    """A structure whose state is one tensor, called ``entry``."""
+
+    def __init__(self, label: str, part: Dynamics, entry: str, arms: list[Arm]) -> None:
+        held = part.flat(part.state)[entry]
+        super().__init__(label, list(held.shape[part.origin.dim() :]), arms)
+        self.part, self.entry = part, entry
+
+    def held(self) -> Tensor:
+        return self.part.flat(self.part.state)[self.entry]
+
+    def write(self, x: Tensor) -> None:
+        self.part.write(self.part.nested({self.entry: x}))
+
+    def rest(self, batch: list[int]) -> Tensor:
+        return self.part.flat(self.part.initial(batch))[self.entry]
+
+    def reset(self, rest: Tensor) -> None:
+        self.part.reset()  # which keeps what it learned
+
+    def forget(self) -> None:
+        self.part.forget()
+
+    def shows(self, x: Tensor) -> Tensor:
+        return self.part.output(self.part.nested({self.entry: x}))
+
+    def advance(self, reaching: Tensor, x: Tensor) -> Tensor:
+        ahead = self.part.euler(reaching, self.part.nested({self.entry: x}))
+        return self.part.flat(ahead)[self.entry]
+
+
+class Passing(Element):
+    """A relay; ``kept`` if one that steps before it reads it, a step late."""
+
+    shown: Tensor
+
+    def __init__(self, label: str, relay: Relay, arms: list[Arm], kept: bool) -> None:
+        super().__init__(label, relay.shape, arms)
+        self.relay, self.product = relay, relay.combine == "product"
+        self.kept, self.passing = kept, True
+        self.register_buffer("shown", torch.zeros(relay.shape if kept else 0), persistent=False)
+
+    def held(self) -> Tensor:
+        return self.shown.clone()
+
+    def write(self, x: Tensor) -> None:
+        overwrite(self.shown, x)
+
+    def rest(self, batch: list[int]) -> Tensor:
+        return self.nothing.expand(batch + self.shape).clone()
+
+    def reset(self, rest: Tensor) -> None:
+        self.write(rest)
+
+    def forget(self) -> None:
+        pass
+
+    def shows(self, x: Tensor) -> Tensor:
+        return x
+
+    def advance(self, reaching: Tensor, x: Tensor) -> Tensor:
+        ahead = self.relay(reaching)
+        return ahead.expand_as(x).clone() if self.kept else ahead

@@ -1,0 +1,53 @@
+"""Many steps at once, differentiable through all of them."""
+
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.utils._pytree import tree_flatten, tree_map, tree_unflatten
+
+from dntorch.dynamics import Dynamics
+
+
+def rollout(structure: Dynamics, inputs: Any, state: Any = None) -> tuple[Any, Any]:
+    """Step a structure through time.
+
+    Args:
+        structure: any structure; what it holds is read, not changed.
+        inputs: what its ``step`` takes, with a leading axis of time: a tensor, a dict, or a tuple
+            for a structure of several inputs.
+        state: to begin with; by default the one it holds.
+
+    Returns:
+        outputs and states after each step, stacked along a leading axis of time. Differentiable in
+        the inputs, the state and the numbers of kernels.
+
+    Raises:
+        ValueError: inputs without a common axis of time.
+
+    >>> outputs, states = rollout(DNF(5), torch.zeros(3, 5))
+    >>> states.u.shape
+    torch.Size([3, 5])
+    """
+    each = inputs if isinstance(inputs, tuple) else (inputs,)
+    lengths = {len(x) if x.dim() else 0 for x in tree_flatten(each)[0]}
+    if len(lengths) != 1 or not all(lengths):
+        raise ValueError(
+            f"inputs have lengths {sorted(lengths)}: give each a leading axis of as many steps"
+        )
+    state = structure.state if state is None else state
+    outputs, states = [], []
+    leaves, spec = tree_flatten(each)
+    for row in zip(*leaves):
+        output, state = structure.step(*tree_unflatten(row, spec), state)
+        outputs.append(output)
+        states.append(state)
+    return _stacked(outputs), _stacked(states)
+
+
+def _stacked(rows: list[Any]) -> Any:
+    return tree_map(lambda *each: _stack(each), *rows)
+
+
+def _stack(each: tuple[Tensor, ...]) -> Tensor:
+    return torch.stack(each)
