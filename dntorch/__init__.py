@@ -9,7 +9,7 @@ Each name is imported, and PyTorch with it, when it is first asked for.
 
 from typing import TYPE_CHECKING
 
-from dntorch import envs
+from dntorch import cosivina, envs
 from dntorch.lazy import later
 
 if TYPE_CHECKING:
@@ -119,6 +119,7 @@ __all__ = [
     "TPCell",
     "ValueNodes",
     "ValueOpposition",
+    "cosivina",
     "envs",
     "gauss",
     "rollout",

@@ -9,8 +9,8 @@ PACKAGE = Path(__file__).parents[1] / "dntorch"
 
 #: Rooms from the ground up. What lies in no folder is ground; `cli` and `__init__` open doors.
 ROOMS = ["cells", "modules", "robot", "envs", "rl", "export", "runs", "drive", "show", "paper",
-         "commands"]  # fmt: skip
-HIGH = {"rl": 4, "export": 4}  # side by side: neither knows the other
+         "commands", "cosivina"]  # fmt: skip
+HIGH = {"rl": 4, "export": 4, "cosivina": 2}  # side by side: neither knows the other
 
 
 def height(module: str) -> int:

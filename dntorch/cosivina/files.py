@@ -163,14 +163,20 @@ def _listed(value: Any) -> list:
 def _plain(value: Any) -> Any:
     """A value without what JSONLab adds: typed arrays, and words for what is not finite."""
     if isinstance(value, dict) and "_ArraySize_" in value:
-        data, sizes = _flat(value.get("_ArrayData_")), [int(n) for n in _flat(value["_ArraySize_"])]
-        if len(sizes) == 2 and len(data) == sizes[0] * sizes[1]:  # column after column
-            return [data[row :: sizes[0]] for row in range(sizes[0])]
-        return data
+        data = _flat(value.get("_ArrayData_"))
+        sizes = [int(n) for n in _flat(value["_ArraySize_"])]
+        return _rows(data, sizes) if len(data) == math.prod(sizes) else data
     if isinstance(value, list):
         return [_plain(each) for each in value]
     words = {"_NaN_": math.nan, "_Inf_": math.inf, "-_Inf_": -math.inf}
     return words.get(value, value) if isinstance(value, str) else value
+
+
+def _rows(data: list, sizes: list[int]) -> list:
+    """Nested lists of an array whose first index runs fastest, as in MATLAB."""
+    if len(sizes) < 2:
+        return data
+    return [_rows(data[row :: sizes[0]], sizes[1:]) for row in range(sizes[0])]
 
 
 def _flat(value: Any) -> list:

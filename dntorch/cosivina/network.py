@@ -59,7 +59,8 @@ class Network:
         }
         self.places = {label: k for k, label in enumerate(self.elements)}
         self.nodes: Nodes = {}
-        self.activations: set[str] = set()
+        self.activations: set[tuple[str, str]] = set()
+        """Fields whose activation is read, and by whom."""
         for label, components in self.parts.items():
             default = next(iter(components))
             if components[default].role in (*MEMBERS, *SOURCES):
@@ -119,18 +120,15 @@ class Network:
             )
         found = []
         for label, component in given[:wanted]:
-            pair = {self.elements[label].kind, node.element.kind}
-            if len(pair & {"FastFourierTransform", "KernelInverseFFT"}) == 1 and (
-                self.elements[label].kind == "FastFourierTransform"
-                or node.element.kind == "KernelInverseFFT"
-            ):
+            kind = self.elements[label].kind
+            if (kind == "FastFourierTransform") != (node.element.kind == "KernelInverseFFT"):
                 raise node.element.error(
-                    f"its input {label!r} is a {self.elements[label].kind}: a "
-                    "FastFourierTransform and a KernelInverseFFT go together"
+                    f"its input {label!r} is a {kind}: a FastFourierTransform and a "
+                    "KernelInverseFFT go together"
                 )
             source = self.node(label, component)
             if component == "activation" and source.role == "field":
-                self.activations.add(f"{source.label}\n{node.label}")
+                self.activations.add((source.label, node.label))
             found.append(source)
         return found
 
@@ -139,8 +137,9 @@ class Network:
         gain = source.options.get("gain", 1.0) if source.role == "open" else 1.0
         map = map._replace(gain=map.gain * gain)
         if len(map.goes) > len(node.shape):
-            row = Node(self._name(f"{node.label}: row"), "relay", node.element,
-                       (node.place[0], 0), (1, 1), (1,), edges=[Edge(source.label, map)])  # fmt: skip
+            name, place = self._name(f"{node.label}: row"), (node.place[0], 0)
+            edges = [Edge(source.label, map)]
+            row = Node(name, "relay", node.element, place, (1, 1), (1,), edges=edges)
             self.nodes[row.label] = row
             source, map = row, Map(map.goes, ())
         node.edges.append(Edge(source.label, map))
@@ -208,16 +207,14 @@ def _pruned(nodes: Nodes) -> Nodes:
     while new:
         live |= set(new)
         new = [e.source for label in new for e in nodes[label].edges if e.source not in live]
-    return {
-        label: node for label, node in nodes.items() if label in live or node.role in SOURCES
-    }
+    return {label: node for label, node in nodes.items() if label in live or node.role in SOURCES}
 
 
-def _linear_fields(nodes: Nodes, activations: set[str]) -> None:
+def _linear_fields(nodes: Nodes, activations: set[tuple[str, str]]) -> None:
     """Fields whose activation is read have it as output."""
     for label, node in nodes.items():
         readers = [n.label for n in nodes.values() if any(e.source == label for e in n.edges)]
-        by_activation = [r for r in readers if f"{label}\n{r}" in activations]
+        by_activation = [r for r in readers if (label, r) in activations]
         if by_activation and len(by_activation) < len(readers):
             raise node.element.error(
                 f"{by_activation[0]!r} reads its activation and others its output: give each a "

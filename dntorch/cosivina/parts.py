@@ -103,7 +103,7 @@ def chain(first: Map, then: Map) -> Map | None:
     came, goes = first.came, tuple(known[name] for name in then.goes)
     middle = {known[name] for name in then.through}
     lost = [name for name in first.goes if name not in middle]
-    if first.terms and then.terms or any(name not in came for name in lost):
+    if (first.terms and then.terms) or any(name not in came for name in lost):
         return None  # two kernels; a sum over copies
     if first.terms and any(name in first.through for name in lost):
         return None  # a sum over what a kernel has spread

@@ -28,7 +28,7 @@ class Kernelled:
         if self.everywhere.is_meta:
             return self._terms
         matrices, everywhere = self._assembled(self._terms)
-        built, stacks = [*matrices, _wide(everywhere)], self._stacks()
+        built, stacks = [*matrices, _wide(everywhere)], self._stacks()[: len(matrices)]
         # In float32: what was rounded to it and moved to float64 is the same kernel.
         pairs = zip(built, [*stacks, self.everywhere])
         if all(torch.equal(x.to(y).float(), y.float()) for x, y in pairs):
