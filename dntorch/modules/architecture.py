@@ -42,7 +42,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
     >>> cue = gauss((4, 50), (1, 20), (0.5, 2.0), 9.0)
     >>> for _ in range(32):
     ...     outputs = model({"scene": cue})
-    >>> int(outputs["space"].argmax())
+    >>> int(model.state["space"].argmax())
     20
 
     Args:
