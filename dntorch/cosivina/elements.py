@@ -1,13 +1,12 @@
-"""The table of COSIVINA's element classes: what each computes."""
+"""What each class of COSIVINA's elements computes."""
 
 import math
-from collections.abc import Callable
 
 import torch
 
 from dntorch.cells.kernels import Gauss, Matrices
 from dntorch.cosivina.files import Element, Size
-from dntorch.cosivina.kernels import fourier, lateral, mapped, shifted, stimulus, whole
+from dntorch.cosivina.kernels import fourier, lateral, leaning, mapped, shifted, stimulus, whole
 from dntorch.cosivina.parts import AXES, Map, Part, names, repeat, shape
 
 Parts = dict[str, Part]
@@ -64,6 +63,13 @@ def _kernel(element: Element, suffixes: tuple[str, ...], shared: bool) -> Parts:
         raise element.error(f"size={list(size)} is no line: give [1, n]")
     output = Part("map", size, lateral(element, size, suffixes, shared), size)
     return {"output": output, **_sums(size)}
+
+
+def hat_shifted(element: Element, delta_t: float) -> Parts:
+    """A difference of Gaussians whose middle is shifted, and a global term."""
+    size = element.size()
+    output = Part("map", size, leaning(element, size), size)
+    return {"output": output, "fullSum": _sums(size)["fullSum"]}
 
 
 def fft(element: Element, delta_t: float) -> Parts:
@@ -246,112 +252,3 @@ def noise(element: Element, delta_t: float) -> Parts:
     """White noise that the caller draws with sd 1; it is scaled here."""
     gain = element.number("amplitude") / math.sqrt(delta_t)
     return {"output": Part("open", element.size(), options={"gain": gain})}
-
-
-def _given(*components: tuple[str, Callable[[Element], Size]]) -> Callable[[Element, float], Parts]:
-    """A row for what comes from outside, or at times that a step does not know."""
-
-    def outside(element: Element, delta_t: float) -> Parts:
-        return {name: Part("open", size(element)) for name, size in components}
-
-    return outside
-
-
-def _image(element: Element) -> Size:
-    return (*element.size()[:2], 3)
-
-
-def nothing(element: Element, delta_t: float) -> Parts:
-    """Looks at the model; nothing neural may read it."""
-    why = "it only records, so that nothing neural can read it: take it out of the model"
-    return {"": Part("unsupported", why=why)}
-
-
-def _missing(why: str) -> Callable[[Element, float], Parts]:
-    def missing(element: Element, delta_t: float) -> Parts:
-        return {"": Part("unsupported", why=why)}
-
-    return missing
-
-
-SIZE = Element.size
-SCALAR = lambda element: (1, 1)  # noqa: E731
-ARENA = (
-    ("robotPhi", SCALAR),
-    ("robotPosition", lambda element: (1, 2)),
-    ("rawSensorValues", lambda element: (1, len(element.numbers("sensorAngles")))),
-    ("sensorOutput", lambda element: element.size("sensorOutputSize")),
-)
-LEARNS = "it learns weights, which no link does here: give the learned ones as a WeightMatrix"
-
-CLASSES: dict[str, Callable[[Element, float], Parts]] = {
-    "AdaptiveWeightMatrix": _missing(LEARNS),
-    "AttractorDynamics": _missing("a heading has no element here: give what it does by hand"),
-    "BoostStimulus": boost,
-    "CameraGrabber": _given(("image", _image)),
-    "ColorExtraction": _given(("output", SIZE)),
-    "Convolution": _missing("a product of two patterns at all shifts has no element here"),
-    "CustomStimulus": pattern,
-    "CustomStimulusSequence": _given(("output", lambda element: element.size("stimulusSize"))),
-    "DiagonalExpansion": diagonal_expansion,
-    "DiagonalSum": diagonal_sum,
-    "DynamicRobotController": _given(("orientation", SCALAR), ("position", lambda e: (1, 2))),
-    "DynamicVariable": _missing("an integrator without leak has no element here"),
-    "ExpandDimension": expand_any,
-    "ExpandDimension2D": expand,
-    "FastFourierTransform": passed,
-    "GaussKernel1D": kernel,
-    "GaussKernel2D": kernel,
-    "GaussKernel3D": kernel,
-    "GaussStimulus1D": bump,
-    "GaussStimulus2D": bump,
-    "GaussStimulus3D": bump,
-    "HalfWaveRectification": rectified,
-    "HebbianConnection": _missing(LEARNS),
-    "History": nothing,
-    "ImageLoader": _given(("image", _image)),
-    "Interpolation1D": _missing("interpolation has no element here: take a WeightMatrix"),
-    "KernelFFT": fft,
-    "KernelInverseFFT": backward,
-    "LFP": nothing,
-    "LateralInteractions1D": hat,
-    "LateralInteractions2D": hat,
-    "LateralInteractions3D": hat,
-    "LateralInteractionsDiscrete": discrete,
-    "LateralInteractionsShifted1D": _missing("a kernel with a shift is not read yet"),
-    "MemoryTrace": trace,
-    "MexicanHatKernel1D": hat,
-    "MexicanHatKernel2D": hat,
-    "MexicanHatKernel3D": hat,
-    "MobileRobotArena": _given(*ARENA),
-    "NeuralField": field,
-    "NormalNoise": noise,
-    "PointwiseProduct": multiplied,
-    "RunningHistory": nothing,
-    "ScalarToGaussian": _missing("a rate code becomes a space code outside: give the pattern"),
-    "ScaleInput": scaled,
-    "ShiftInput": moved,
-    "Sigmoid": logistic,
-    "SingleNodeDynamics": _missing("it is for plots: take a NeuralField of size [1, 1]"),
-    "SumAllDimensions": sums,
-    "SumDimension": sum_over,
-    "SumInputs": added,
-    "TimedBoost": _given(("output", SCALAR)),
-    "TimedCustomStimulus": _given(("output", SIZE)),
-    "TimedGaussStimulus1D": _given(("output", SIZE)),
-    "TimedGaussStimulus2D": _given(("output", SIZE)),
-    "TimedSwitch": _missing("a step does not know the time: switch the input in your loop"),
-    "Transpose": transpose,
-    "WeightMatrix": weights,
-}
-
-
-def parts(element: Element, delta_t: float) -> Parts:
-    """The components of an element, its default one first.
-
-    Raises:
-        ValueError: an unknown class, a parameter that is missing or does not fit.
-    """
-    if element.kind not in CLASSES:
-        raise element.error("the class is unknown: docs/cosivina.md names those that load")
-    return CLASSES[element.kind](element, delta_t)

@@ -84,9 +84,11 @@ def read(path: str | Path) -> Simulator:
         OSError: the file can't be read.
         ValueError: broken JSON, another kind of file, labels that repeat, inputs from nowhere.
     """
-    file, text = Path(path).name, Path(path).read_text(encoding="utf-8")
+    file = Path(path).name
     try:
-        whole = json.loads(text)
+        whole = json.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{file} is no text at byte {error.start}: save it in UTF-8") from None
     except json.JSONDecodeError as error:
         raise ValueError(
             f"{file} is no JSON: {error.msg} in line {error.lineno}, column {error.colno}; "
@@ -101,8 +103,13 @@ def read(path: str | Path) -> Simulator:
     step = _plain(simulator["deltaT"])
     if not isinstance(step, int | float) or not 0 < step < math.inf:
         raise ValueError(f"{file}: deltaT={step!r}: give milliseconds per step, above 0")
+    return Simulator(file, float(step), _elements(simulator["elements"], file))
+
+
+def _elements(entries: Any, file: str) -> dict[str, Element]:
+    """Elements by label, whose inputs are among them."""
     elements: dict[str, Element] = {}
-    for k, entry in enumerate(_listed(simulator["elements"])):
+    for k, entry in enumerate(_listed(entries)):
         element = _element(entry, k, file)
         if element.label in elements:
             raise element.error("another element has this label: give each its own")
@@ -111,7 +118,7 @@ def read(path: str | Path) -> Simulator:
         for label, _ in element.inputs:
             if label not in elements:
                 raise element.error(f"its input {label!r} is no element of the file: add it")
-    return Simulator(file, float(step), elements)
+    return elements
 
 
 def write(path: str | Path, delta_t: float, elements: Sequence[Element]) -> None:

@@ -41,7 +41,12 @@ def gaussian(
         cutoff = (sites - 0.5) / width if width > 0 and sites > 0 else 0.0
     if cutoff == 0:  # the site itself alone
         sigma, cutoff = [0.0] * len(sigma), 1.0
-    return (Gauss(amplitude, tuple(sigma), cutoff=cutoff, normalized=normalized),)
+    return (Gauss(amplitude, _same(sigma), cutoff=cutoff, normalized=normalized),)
+
+
+def _same(sigma: list[float]) -> float | tuple[float, ...]:
+    """One width for all axes, if they have the same."""
+    return sigma[0] if len(set(sigma)) == 1 else tuple(sigma)
 
 
 def lateral(element: Element, size: Size, suffixes: tuple[str, ...], shared: bool) -> Map:
@@ -93,7 +98,7 @@ def fourier(element: Element, size: Size, circular: list[bool], padding: float) 
     for amplitude, sigma in pairs:
         if all(circular):
             reach = max((n / s for n, s in zip(sizes, sigma) if s > 0), default=1.0)
-            terms += (Gauss(amplitude, tuple(sigma), cutoff=reach, normalized=normalized),)
+            terms += (Gauss(amplitude, _same(sigma), cutoff=reach, normalized=normalized),)
             continue
         matrices = [
             _ring(n, s, 0 if ring else math.ceil(padding * w), normalized)
@@ -144,6 +149,30 @@ def stimulus(element: Element, size: Size) -> Tensor:
     if element.flag("normalized", False) and total > 0:
         pattern = pattern / total
     return element.number("amplitude") * pattern
+
+
+def leaning(element: Element, size: Size) -> Map:
+    """The map of a difference of Gaussians on a line whose middle is shifted."""
+    n, shift, circular = size[-1], element.number("shift", 0.0), element.flag("circular")
+    signed = [element.number("amplitudeExc"), -element.number("amplitudeInh")]
+    sigmas = [element.number(f"sigma{end}", least=0.0) for end in ("Exc", "Inh")]
+    widest = max(sigma * (a != 0) for sigma, a in zip(sigmas, signed))
+    reach = element.number("cutoffFactor", 5.0, least=0.0) * widest
+    left = right = min(math.ceil(reach + abs(shift)), n - 1)
+    if circular:
+        left = min(max(math.ceil(reach - shift), 0), (n - 1) // 2)
+        right = min(max(math.ceil(reach + shift), 0), n // 2)
+    offset = torch.arange(-left, right + 1)
+    matrix = torch.zeros(n, n, dtype=torch.float64)
+    for amplitude, sigma in zip(signed, sigmas):
+        taps = bell(offset.double() - shift, sigma)
+        if element.flag("normalized") and bool(taps.any()):
+            taps = taps / taps.sum()
+        for by, tap in zip(offset.tolist(), (amplitude * taps).tolist()):
+            line = torch.full((n,), tap, dtype=torch.float64)
+            matrix += line.diag().roll(by, 0) if circular else line[abs(by) :].diag(-by)
+    terms = (Matrices((matrix,)), *whole(element.number("amplitudeGlobal")))
+    return mapped(size, terms, ("circular",) * len(names(size)))
 
 
 def shifted(element: Element, size: Size) -> Map:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from torch import Tensor
 
-from dntorch.cosivina.elements import parts
+from dntorch.cosivina.classes import parts
 from dntorch.cosivina.files import Element, Simulator, Size
 from dntorch.cosivina.parts import Map, Part, names, repeat, shape
 
@@ -59,15 +59,18 @@ class Network:
         }
         self.places = {label: k for k, label in enumerate(self.elements)}
         self.nodes: Nodes = {}
+        self.waiting: list[tuple[Node, Part]] = []
         self.activations: set[tuple[str, str]] = set()
         """Fields whose activation is read, and by whom."""
         for label, components in self.parts.items():
             default = next(iter(components))
             if components[default].role in (*MEMBERS, *SOURCES):
                 self.node(label, default)
+        while self.waiting:
+            self._read(*self.waiting.pop(0))
 
     def node(self, label: str, component: str) -> Node:
-        """The node of a component, built when it is first asked for."""
+        """The node of a component, made when it is first asked for; what it reads comes later."""
         element, components = self.elements[label], self.parts[label]
         part = components.get("") or components.get(component)
         if part is None:
@@ -79,9 +82,12 @@ class Network:
         if name not in self.nodes:
             role = part.role if part.role in (*MEMBERS, *SOURCES, "unsupported") else "relay"
             node = Node(name, role, element, (self.places[label], 1), part.size, shape(part.size))
-            self.nodes[name] = node  # before what it reads, which may read it
             node.value, node.why = part.value, part.why
-            self._read(node, part)
+            self.nodes[name] = node
+            if role in MEMBERS or role == "relay":
+                self.waiting.append((node, part))
+            else:
+                node.options = part.options
         return self.nodes[name]
 
     def _name(self, name: str) -> str:
@@ -92,9 +98,7 @@ class Network:
     def _read(self, node: Node, part: Part) -> None:
         """The edges of a node, and the options of the structure that it becomes."""
         options = dict(part.options)
-        if part.role in (*SOURCES, "unsupported"):
-            node.options = options
-        elif part.role in ("map", "sums"):
+        if part.role in ("map", "sums"):
             (source,) = self._inputs(node, 1)
             map = part.map or self._summed(node, options, source.size)
             self._check_size(node, source, part.reads or source.size)

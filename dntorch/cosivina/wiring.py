@@ -23,7 +23,7 @@ def _fuse(nodes: Nodes, label: str) -> bool:
     node = nodes[label]
     readers = [n for n in nodes.values() for e in n.edges if e.source == label]
     cheap = len(node.edges) == 1 and not node.edges[0].map.terms and _widens(node.edges[0].map)
-    if not node.linear or not node.edges or not (cheap or len(readers) == 1):
+    if not node.linear or not node.edges or not (cheap or len(readers) == 1) or node in readers:
         return False
     joined: dict[str, list[Edge]] = {}
     for reader in {n.label: n for n in readers}.values():
