@@ -123,23 +123,25 @@ def _elements(entries: Any, file: str) -> dict[str, Element]:
 
 def write(path: str | Path, delta_t: float, elements: Sequence[Element]) -> None:
     """A parameter file that COSIVINA reads with ``Simulator('file', path)``."""
-    simulator = {
+    entries = [
+        {
+            "label": element.label,
+            "class": element.kind,
+            "param": dict(element.parameters),
+            "nInputs": len(element.inputs),
+            "input": [{"label": a, "component": b} for a, b in element.inputs] or None,
+        }
+        for element in elements
+    ]
+    head = {
         "deltaT": delta_t,
         "tZero": 0,
-        "nElements": len(elements),
-        "elementLabels": [element.label for element in elements],
-        "elements": [
-            {
-                "label": element.label,
-                "class": element.kind,
-                "param": dict(element.parameters),
-                "nInputs": len(element.inputs),
-                "input": [{"label": a, "component": b} for a, b in element.inputs] or None,
-            }
-            for element in elements
-        ],
+        "nElements": len(entries),
+        "elementLabels": [entry["label"] for entry in entries],
     }
-    text = json.dumps({"simulator": simulator}, indent=1, ensure_ascii=False)
+    lines = ",\n".join(json.dumps(entry, ensure_ascii=False) for entry in entries)
+    start = json.dumps({"simulator": head}, ensure_ascii=False).removesuffix("}}")
+    text = f'{start}, "elements": [\n{lines}\n]}}}}\n'
     write_atomically(Path(path), lambda sink: sink.write(text.encode()))
 
 
