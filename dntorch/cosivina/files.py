@@ -172,11 +172,11 @@ def _listed(value: Any) -> list:
 def _plain(value: Any) -> Any:
     """A value without what JSONLab adds: typed arrays, and words for what is not finite."""
     if isinstance(value, dict) and "_ArraySize_" in value:
-        data = _flat(value.get("_ArrayData_"))
+        data = [_plain(x) for x in _flat(value.get("_ArrayData_"))]
         sizes = [int(n) for n in _flat(value["_ArraySize_"])]
         return _rows(data, sizes) if len(data) == math.prod(sizes) else data
     if isinstance(value, list):
-        return [_plain(each) for each in value]
+        return [x if type(x) is float else _plain(x) for x in value]
     words = {"_NaN_": math.nan, "_Inf_": math.inf, "-_Inf_": -math.inf}
     return words.get(value, value) if isinstance(value, str) else value
 
@@ -189,6 +189,9 @@ def _rows(data: list, sizes: list[int]) -> list:
 
 
 def _flat(value: Any) -> list:
-    if isinstance(value, list):
+    """The entries of nested lists, row after row."""
+    if not isinstance(value, list):
+        return [] if value is None else [value]
+    if any(isinstance(each, list) for each in value):
         return [x for each in value for x in _flat(each)]
-    return [] if value is None else [_plain(value)]
+    return value
