@@ -18,6 +18,8 @@ class Edge(NamedTuple):
 
     source: str
     map: Map
+    activation: bool = False
+    """Whether it is that of a field, not its output."""
 
 
 @dataclass
@@ -60,8 +62,6 @@ class Network:
         self.places = {label: k for k, label in enumerate(self.elements)}
         self.nodes: Nodes = {}
         self.waiting: list[tuple[Node, Part]] = []
-        self.activations: set[tuple[str, str]] = set()
-        """Fields whose activation is read, and by whom."""
         for label, components in self.parts.items():
             default = next(iter(components))
             if components[default].role in (*MEMBERS, *SOURCES):
@@ -99,28 +99,28 @@ class Network:
         """The edges of a node, and the options of the structure that it becomes."""
         options = dict(part.options)
         if part.role in ("map", "sums"):
-            (source,) = self._inputs(node, 1)
+            ((source, component),) = self._inputs(node, 1)
             map = part.map or self._summed(node, options, source.size)
             self._check_size(node, source, part.reads or source.size)
-            self._add(node, source, map)
+            self._add(node, source, map, component)
         else:
             gain = options.pop("gain", 1.0)
             node.options = options
             wanted = {"first": 1, "trace": 1, "product": 2}.get(part.role)
-            for source in self._inputs(node, wanted):
+            for source, component in self._inputs(node, wanted):
                 map = repeat(source.size, node.size, gain)
                 if map is None or (part.role == "trace" and source.shape != node.shape):
                     self._check_size(node, source, node.size)
-                self._add(node, source, map)
+                self._add(node, source, map, component)
             if part.role == "product":
                 node.options["combine"] = "product"
 
-    def _inputs(self, node: Node, wanted: int | None) -> list[Node]:
-        """Nodes of the inputs that an element uses."""
+    def _inputs(self, node: Node, wanted: int | None) -> list[tuple[Node, str]]:
+        """Nodes of the inputs that an element uses, with the component that it reads."""
         given = node.element.inputs
         if len(given) < (wanted or 0):
             raise node.element.error(
-                f"it has {len(given)} inputs and needs {wanted}: connect it, or take it out"
+                f"it has {len(given)} of {wanted} inputs: connect it, or take it out"
             )
         found = []
         for label, component in given[:wanted]:
@@ -130,23 +130,21 @@ class Network:
                     f"its input {label!r} is a {kind}: a FastFourierTransform and a "
                     "KernelInverseFFT go together"
                 )
-            source = self.node(label, component)
-            if component == "activation" and source.role == "field":
-                self.activations.add((source.label, node.label))
-            found.append(source)
+            found.append((self.node(label, component), component))
         return found
 
-    def _add(self, node: Node, source: Node, map: Map) -> None:
+    def _add(self, node: Node, source: Node, map: Map, component: str) -> None:
         """An edge; through a line of one site, where a matrix leads to a single number."""
         gain = source.options.get("gain", 1.0) if source.role == "open" else 1.0
         map = map._replace(gain=map.gain * gain)
+        active = source.role == "field" and component == "activation"
         if len(map.goes) > len(node.shape):
             name, place = self._name(f"{node.label}: row"), (node.place[0], 0)
-            edges = [Edge(source.label, map)]
+            edges = [Edge(source.label, map, active)]
             row = Node(name, "relay", node.element, place, (1, 1), (1,), edges=edges)
             self.nodes[row.label] = row
-            source, map = row, Map(map.goes, ())
-        node.edges.append(Edge(source.label, map))
+            source, map, active = row, Map(map.goes, ()), False
+        node.edges.append(Edge(source.label, map, active))
 
     def _check_size(self, node: Node, source: Node, wanted: Size) -> None:
         flexible = node.element.kind.startswith("ExpandDimension")
@@ -180,12 +178,11 @@ def network(simulator: Simulator) -> Nodes:
     Raises:
         ValueError: an element that does not fit; the sentence names it, its class and the file.
     """
-    reader = Network(simulator)
-    nodes = _pruned(reader.nodes)
+    nodes = _pruned(Network(simulator).nodes)
     for node in nodes.values():
         if node.role == "unsupported":
             raise node.element.error(f"it is not supported, since {node.why}")
-    _linear_fields(nodes, reader.activations)
+    _linear_fields(nodes)
     if not any(node.role in MEMBERS for node in nodes.values()):
         raise ValueError(f"{simulator.path} has no NeuralField and no MemoryTrace: add one")
     return nodes
@@ -214,15 +211,15 @@ def _pruned(nodes: Nodes) -> Nodes:
     return {label: node for label, node in nodes.items() if label in live or node.role in SOURCES}
 
 
-def _linear_fields(nodes: Nodes, activations: set[tuple[str, str]]) -> None:
+def _linear_fields(nodes: Nodes) -> None:
     """Fields whose activation is read have it as output."""
     for label, node in nodes.items():
-        readers = [n.label for n in nodes.values() if any(e.source == label for e in n.edges)]
-        by_activation = [r for r in readers if (label, r) in activations]
-        if by_activation and len(by_activation) < len(readers):
+        reads = [(n, e) for n in nodes.values() for e in n.edges if e.source == label]
+        active = [reader.label for reader, edge in reads if edge.activation]
+        if active and len(active) < len(reads):
             raise node.element.error(
-                f"{by_activation[0]!r} reads its activation and others its output: give each a "
+                f"{active[0]!r} reads its activation, and something reads its output: give each a "
                 "field of its own"
             )
-        if by_activation:
+        if active:
             node.options |= {"kind": "linear", "steepness": 1.0}

@@ -41,8 +41,11 @@ def save(architecture: Architecture, path: str | Path, noise: Sequence[str] = ()
     Raises:
         ValueError: what has no element in COSIVINA: another structure, another output function,
             numbers per agent, a maximum, a kernel of matrices over a plane. Nothing is written.
+        TypeError: what is no `Architecture`.
         OSError: the file can't be written.
     """
+    if not isinstance(architecture, Architecture):
+        raise TypeError(f"architecture is a {type(architecture).__name__}: give an Architecture")
     for label in noise:
         if label not in {stimulus.label for stimulus in architecture.stimuli.values()}:
             raise ValueError(f"noise has {label!r}, which is no input of the architecture")
@@ -157,10 +160,10 @@ class _Writer:
         return reads
 
     def _port(self, label: str) -> Port:
+        """What others read of an element."""
         part = self.architecture[label]
-        return label, "activation" if getattr(part, "kind", "") == "linear" and isinstance(
-            part, DNF
-        ) else "output"
+        linear = isinstance(part, DNF) and part.kind == "linear"
+        return label, "activation" if linear else "output"
 
     def _link(self, source: str, target: str, arm: Any) -> list[Port]:
         projection: Projection = arm.projection

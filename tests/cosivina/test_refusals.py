@@ -45,7 +45,7 @@ def without(parameters, *names):
         ([field("u", [1, 7], ("v", "speed")), field("v", [1, 7])],
          "element 'v' of class NeuralField: it has no component 'speed'"),
         ([field("u", [1, 7], "x"), element("x", "PointwiseProduct", "u", size=[1, 7])],
-         "element 'x' of class PointwiseProduct: it has 1 inputs and needs 2"),
+         "element 'x' of class PointwiseProduct: it has 1 of 2 inputs"),
         ([field("u", [1, 7], "x"), element("x", "HebbianConnection", "u", "u")],
          "element 'x' of class HebbianConnection: it is not supported, since it learns weights"),
         ([field("u", [1, 7], "x"), element("x", "TimedSwitch", "u", size=[1, 7], onTimes=[])],
@@ -54,7 +54,9 @@ def without(parameters, *names):
          "element 'u' of class NeuralField: its input 'f' is a FastFourierTransform"),
         ([field("u", [1, 7], ("v", "activation")), field("v", [1, 7], "s"),
           element("s", "ScaleInput", "v", size=[1, 7], amplitude=1)],
-         "element 'v' of class NeuralField: 'u' reads its activation and others its output"),
+         "element 'v' of class NeuralField: 'u' reads its activation, and something"),
+        ([field("u", [1, 7], "v", ("v", "activation")), field("v", [1, 7])],
+         "element 'v' of class NeuralField: 'u' reads its activation, and something"),
         ([element("m", "MemoryTrace", tauBuild=0, tauDecay=9, size=[1, 7])],
          "element 'm' of class MemoryTrace: tauBuild=0: give one number of at least 1"),
         ([pattern("p", [1, 7], [1.0, 2.0]), field("u", [1, 7], "p")],
@@ -134,6 +136,8 @@ def test_what_has_no_form_in_cosivina_is_not_saved(tmp_path, architecture, sente
     assert not list(tmp_path.iterdir())
     with pytest.raises(ValueError, match="noise has 'x', which is no input"):
         save(one(u=DNF(3)), tmp_path / "model.json", noise=["x"])
+    with pytest.raises(TypeError, match="architecture is a DNF: give an Architecture"):
+        save(DNF(3), tmp_path / "model.json")
 
 
 def test_an_architecture_of_all_that_has_a_form_is_saved(tmp_path):
