@@ -9,7 +9,7 @@ Each name is imported, and PyTorch with it, when it is first asked for.
 
 from typing import TYPE_CHECKING
 
-from dntorch import envs
+from dntorch import cosivina, envs
 from dntorch.lazy import later
 
 if TYPE_CHECKING:
@@ -87,7 +87,6 @@ else:  # the same, later
             "__version__": "version",
             "fixed_points": "analysis",
             "gauss": "cells.stimuli",
-            "rollout": "through_time",
             "losses": "losses",
             "peaks": "cells.readout",
             "plots": "plots",
@@ -130,6 +129,7 @@ __all__ = [
     "TPCell",
     "ValueNodes",
     "ValueOpposition",
+    "cosivina",
     "envs",
     "fixed_points",
     "gauss",

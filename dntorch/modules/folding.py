@@ -243,6 +243,6 @@ def _column(whole: Architecture, silent: dict[str, Tensor], label: str) -> Tenso
     """What each site of one element gives to the sites of all fields, ``(to, from)``."""
     shape = whole._shapes[label]
     each = torch.eye(math.prod(shape), dtype=whole.origin.dtype).reshape([-1, *shape])
-    if isinstance(whole[label], Relay):
-        return _reaching(whole, silent, {label: each}).t()
-    return _reaching(whole, silent | {label: each}, {}).t()
+    relay = isinstance(whole[label], Relay)
+    shown, given = (silent, {label: each}) if relay else (silent | {label: each}, {})
+    return _reaching(whole, shown, given).expand(len(each), -1).t()  # an input may reach nothing
