@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from dntorch.modules.dissatisfaction import Dissatisfaction
     from dntorch.modules.field import DNF
     from dntorch.modules.find_color import FindColor
+    from dntorch.modules.folding import Folded
     from dntorch.modules.habituation import Habituation
     from dntorch.modules.hebbian import HebbianQ
     from dntorch.modules.learner import Learner
@@ -64,6 +65,7 @@ else:  # the same, later
             "ElementaryBehaviors": "modules.behaviors",
             "Exploration": "noise",
             "FindColor": "modules.find_color",
+            "Folded": "modules.folding",
             "Gauss": "cells.kernels",
             "Global": "cells.kernels",
             "Habituation": "modules.habituation",
@@ -109,6 +111,7 @@ __all__ = [
     "ElementaryBehaviors",
     "Exploration",
     "FindColor",
+    "Folded",
     "Gauss",
     "Global",
     "Habituation",
