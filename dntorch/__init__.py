@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dntorch.cells.kernels import Gauss, Global, Matrices
     from dntorch.cells.stimuli import gauss
     from dntorch.dynamics import Dynamics
+    from dntorch.live.serving import view
     from dntorch.modules.architecture import Architecture, Link
     from dntorch.modules.behaviors import ElementaryBehaviors
     from dntorch.modules.constraints import Constraints
@@ -83,6 +84,7 @@ else:  # the same, later
             "__version__": "version",
             "gauss": "cells.stimuli",
             "rollout": "rollout",
+            "view": "live.serving",
         },
     )
 
@@ -122,4 +124,5 @@ __all__ = [
     "envs",
     "gauss",
     "rollout",
+    "view",
 ]

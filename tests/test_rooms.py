@@ -8,8 +8,8 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "dntorch"
 
 #: Rooms from the ground up. What lies in no folder is ground; `cli` and `__init__` open doors.
-ROOMS = ["cells", "modules", "robot", "envs", "rl", "export", "runs", "drive", "show", "paper",
-         "commands"]  # fmt: skip
+ROOMS = ["cells", "modules", "robot", "envs", "rl", "export", "runs", "drive", "show", "live",
+         "paper", "commands"]  # fmt: skip
 HIGH = {"rl": 4, "export": 4}  # side by side: neither knows the other
 
 
