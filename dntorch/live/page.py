@@ -1,8 +1,10 @@
 """The page: what a session shows, and what a user may do with it. Bokeh draws it."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
@@ -16,8 +18,9 @@ from bokeh.models import (
     Slider,
     Toggle,
 )
+from bokeh.palettes import viridis
 
-from dntorch.live.drawing import Panel, image_panel, matrix_panel, part_panel
+from dntorch.live.drawing import LEVELS, Drawing
 from dntorch.live.knobs import Knob
 from dntorch.live.session import Session
 
@@ -28,53 +31,44 @@ SPEEDS = {
 PERIOD = 20
 """ms between two looks for something new to draw"""
 PATIENCE = 50
-"""looks after which a picture that the browser has not confirmed is taken for lost"""
+"""looks after which pictures that the browser has not confirmed are taken for lost"""
 WIDTH = 290
 KEYS = {" ": "play", ".": "step", "r": "reward"}
 
-DRAWN = """
-requestAnimationFrame(() => { drawn.data = {n: [beat.data.n[0]]} })
-"""
-PRESSED = """
-if (window.dntorch_keys) return
-window.dntorch_keys = true
-document.addEventListener("keydown", (event) => {
-  const path = event.composedPath()
-  const typing = path.some((x) => x.matches && x.matches("input, select, .noUi-handle, button"))
-  if (typing && event.key === " ") return
-  if (path.some((x) => x.matches && x.matches("input[type=text], textarea"))) return
-  if (!names.includes(event.key) || event.repeat) return
-  if (event.key === " ") event.preventDefault()
-  pressed.data = {key: [event.key], n: [pressed.data.n[0] + 1]}
-})
-"""
+AHEAD = 2
+"""pictures on their way at most"""
+DRAW = Path(__file__).with_name("draw.js").read_text()
 
 
 class Page:
     """One page in one browser; all pages of a session show the same.
 
-    A picture is one message; the next is sent when the browser has drawn the last.
+    A picture is one message; it waits while two are on their way to the browser, so that a slow
+    one sees fewer pictures and no late ones.
     """
 
     def __init__(self, session: Session, document: Document) -> None:
-        self.session, self.document = session, document
-        self.beat = ColumnDataSource({"n": [0]})
+        self.session, self.document, self.drawing = session, document, Drawing()
+        self.beat = ColumnDataSource(
+            {"n": [0], "described": [""], "bytes": [np.zeros(1, np.uint8)]}
+        )
         self.drawn = ColumnDataSource({"n": [0]})
-        self.pressed = ColumnDataSource({"key": [""], "n": [0]})
-        self.panels: list[Panel] = []
-        self._version, self._waited, self._ready, self._layout = -1, 0, False, ()
-        self._sliders: dict[tuple[str, str], Slider] = {}
+        self.pressed = ColumnDataSource({"key": [""], "label": [""], "position": [[]], "n": [0]})
+        self._version, self._waited, self._ready = -1, 0, False
+        self._turned, self._peaks = -1, ()
+        self._sliders: list[tuple[Knob, Slider]] = []
         self._busy = False
         self._make_controls()
-        self.figures, self.knobs = column(), column(width=WIDTH)
-        self._rebuild()
-        document.add_root(row(column(*self.controls, self.knobs, width=WIDTH + 20), self.figures))
+        self.knobs = column(width=WIDTH)
+        self._rebuild_knobs()
+        document.add_root(column(*self.controls, self.knobs, width=WIDTH + 20))
         document.title = f"dntorch: {session.source.title}"
-        self.beat.js_on_change(
-            "data", CustomJS(args={"beat": self.beat, "drawn": self.drawn}, code=DRAWN)
-        )
-        keys = {"pressed": self.pressed, "names": list(KEYS)}
-        document.js_on_event(DocumentReady, CustomJS(args=keys, code=PRESSED))
+        arguments = {
+            "beat": self.beat, "drawn": self.drawn, "pressed": self.pressed, "names": list(KEYS),
+            "palette": [int(color[1:], 16) for color in viridis(LEVELS)],
+        }  # fmt: skip
+        document.js_on_event(DocumentReady, CustomJS(args=arguments, code=DRAW))
+        self.beat.js_on_change("data", CustomJS(code="window.dntorch?.draw()"))
         document.on_event(DocumentReady, self._begin)
         document.add_periodic_callback(self.refresh, PERIOD)
 
@@ -83,9 +77,8 @@ class Page:
     def _make_controls(self) -> None:
         session = self.session
         self.message = Div(text="", css_classes=["message"], width=WIDTH)
-        self.status = Div(text="", css_classes=["status"], width=WIDTH)
-        # What no figure refers to belongs to the page by these tags.
-        self.status.tags = [self.beat, self.drawn, self.pressed]
+        # What no widget refers to belongs to the page by these tags.
+        self.message.tags = [self.beat, self.drawn, self.pressed]
         self.play = Button(label="play", css_classes=["play"], width=66, button_type="primary")
         buttons = [self.play]
         for label, act in (
@@ -106,7 +99,7 @@ class Page:
         self._on(self.choice, "value", self._show)
         self.group = Select(title="parameters of", css_classes=["group"], width=WIDTH)
         self._on(self.group, "value", lambda _: self._rebuild_knobs())
-        self.controls: list[Any] = [row(*buttons), self.status, self.message, self.speed]
+        self.controls: list[Any] = [row(*buttons), self.message, self.speed]
         if session.source.rewarded:
             give = Button(label="reward (key r)", css_classes=["reward"], width=138)
             give.on_click(self._guarded(session.reward))
@@ -114,7 +107,7 @@ class Page:
             self._on(learn, "active", session.learn)
             self.controls.append(row(give, learn))
         self.controls += [self.choice, self.group]
-        self._on(self.pressed, "data", lambda data: self._press(data["key"][0]))
+        self._on(self.pressed, "data", self._press)
 
     def _on(self, widget: Any, name: str, act: Callable[[Any], Any]) -> None:
         """What a user's change of a widget does; not one that the page made itself."""
@@ -125,16 +118,17 @@ class Page:
 
         widget.on_change(name, changed)
 
-    def _press(self, key: str) -> None:
-        session = self.session
+    def _press(self, data: dict[str, Any]) -> None:
+        session, key = self.session, data["key"][0]
         acts = {"play": session.toggle, "step": session.step, "reward": session.reward}
-        if key in KEYS:
+        if key == "touch":
+            session.touch(data["label"][0], list(data["position"][0]))
+        elif key in KEYS:
             acts[KEYS[key]]()
 
     def _reset(self) -> None:
         self.session.reset()
-        for panel in self.panels:
-            panel.rescale()
+        self.drawing.rescale()
 
     def _show(self, labels: list[str]) -> None:
         if labels != self.session.shown:
@@ -155,27 +149,26 @@ class Page:
 
     def _turn(self, knob: Knob, value: float) -> None:
         try:
-            self.session.set(knob.group, knob.name, value)
+            self.session.turn(knob, value)
         finally:
             self._agree()
 
     def _agree(self) -> None:
         """Sliders show what the structure has: a refused one goes back."""
-        self._busy = True
+        self._busy, self._turned = True, self.session.turned
         try:
-            for (group, name), slider in self._sliders.items():
-                try:
-                    value = self.session.get(group, name)
-                except ValueError:
-                    continue
-                if abs(slider.value - value) > 1e-6 * max(1.0, abs(value)):
-                    slider.value = value
+            with self.session.lock:
+                for knob, slider in self._sliders:
+                    value = knob.read()
+                    if abs(slider.value - value) > 1e-6 * max(1.0, abs(value)):
+                        slider.value = value
         finally:
             self._busy = False
 
     def _rebuild_knobs(self) -> None:
         groups = self.session.knobs()
-        put = [name for name in self.session.peaks]
+        put = list(self.session.peaks)
+        self._peaks, self._turned = tuple(put), self.session.turned
         names = [name for name in groups if name not in put]
         self._busy = True
         try:
@@ -184,7 +177,7 @@ class Page:
                 self.group.value = names[0] if names else ""
         finally:
             self._busy = False
-        self._sliders, children = {}, []
+        self._sliders, children = [], []
         for name in [self.group.value, *reversed(put[-3:])]:
             if name in put:
                 children.append(Div(text=f"<b>{_plain(name)}</b>"))
@@ -200,69 +193,40 @@ class Page:
             format="0[.]000", css_classes=[name], width=WIDTH - 10,
         )  # fmt: skip
         self._on(slider, "value", lambda value: self._turn(knob, value))
-        self._sliders[knob.group, knob.name] = slider
+        self._sliders.append((knob, slider))
         return slider
 
     # ------------------------------------------------------------------ pictures
-
-    def _rebuild(self) -> None:
-        """Figures and knobs for what is shown now."""
-        session = self.session
-        self._layout = (tuple(session.shown), tuple(session.peaks))
-        self._rebuild_knobs()
-        extras = [image_panel(*each) for each in session.images().items()]
-        extras += [matrix_panel(*each) for each in session.matrices().items()]
-        pictures = session.pictures()
-        parts = [part_panel(label, pictures[label], self._touch) for label in session.shown]
-        self.panels = [*extras, *parts]
-        rows = [row(*(panel.figures[0] for panel in extras))] if extras else []
-        self.figures.children = [*rows, *(row(*panel.figures) for panel in parts)]
-
-    def _touch(self, label: str, position: list[float]) -> None:
-        self._do(lambda: self.session.touch(label, position))
 
     def _begin(self, _: Any) -> None:
         self._ready = True
 
     def refresh(self) -> None:
-        """Send a picture, if there is a new one and the browser has drawn the last."""
+        """Send a picture, if there is a new one and the browser keeps up."""
         if not self._ready or self.session.version == self._version:
             return
-        sent = self.beat.data["n"][0]
-        if self.drawn.data["n"][0] != sent and self._waited < PATIENCE:
+        sent, drawn = self.beat.data["n"][0], self.drawn.data["n"][0]
+        if sent - drawn >= AHEAD and self._waited < PATIENCE:
             self._waited += 1
             return
         self._waited, self._version = 0, self.session.version
-        self.document.hold("combine")
-        try:
-            self._draw()
-            self.beat.data = {"n": [sent + 1]}
-        finally:
-            self.document.unhold()
+        described, data = self.drawing.encode(self.session)
+        self._follow()
+        self.beat.data = {"n": [sent + 1], "described": [described], "bytes": [data]}
 
-    def _draw(self) -> None:
+    def _follow(self) -> None:
+        """Widgets show what the session has, whoever changed it."""
         session = self.session
-        layout = (tuple(session.shown), tuple(session.peaks))
-        if layout[0] != self._layout[0]:
-            self._rebuild()
-        elif layout != self._layout:
-            self._layout = layout
+        if tuple(session.peaks) != self._peaks:
             self._rebuild_knobs()
-        with session.lock:
-            new = {**session.images(), **session.matrices(), **session.pictures()}
-            note, time, playing = session.note(), session.time, session.playing
-        for panel in self.panels:
-            panel.draw(new[panel.title])
-        self.play.label = "pause" if playing else "play"
-        pace = f", {session.pace:.2g} s per second" if playing and session.pace else ""
-        self.status.text = f"<b>{time:.3f} s</b>{pace}<br>{_plain(note)}"
-        self._agree()
+        elif session.turned != self._turned:
+            self._agree()
+        speed = next((name for name, value in SPEEDS.items() if value == session.speed), None)
         self._busy = True
         try:
+            self.play.label = "pause" if session.playing else "play"
             self.choice.value = session.shown
-            self.speed.value = next(k for k, v in SPEEDS.items() if v == session.speed)
-        except StopIteration:  # a speed set from Python
-            pass
+            self.speed.value = speed or self.speed.value
         finally:
             self._busy = False
 

@@ -46,13 +46,14 @@ class Session:
         speed: simulated seconds per second, ``inf`` for as fast as it goes.
         steps: steps since the last reset.
         version: changes whenever there is something new to draw.
+        turned: changes whenever a knob was turned, or an input put or taken away.
         trouble: a sentence; why it stopped by itself, or "".
     """
 
     def __init__(self, source: Source) -> None:
         self.source, self.lock = source, threading.RLock()
         self.playing, self.speed, self.steps, self.version = False, 1.0, 0, 0
-        self.trouble, self.pace = "", 0.0
+        self.turned, self.trouble, self.pace = 0, "", 0.0
         self.peaks: dict[str, tuple[str, Peak]] = {}
         self._count, self._due, self._last = 0, 0.0, time.monotonic()
         self._taken, self._since = 0, time.monotonic()
@@ -156,11 +157,19 @@ class Session:
         Raises:
             ValueError: there is no such knob, or the structure refuses the value; nothing changes.
         """
+        self.turn(self._knob(group, name), value)
+
+    def turn(self, knob: Knob, value: float) -> None:
+        """The same for a knob of `knobs`."""
         with self.lock:
             try:
-                self._knob(group, name).write(float(value))
+                knob.write(float(value))
             finally:
-                self.version += 1
+                self._changed()
+
+    def _changed(self) -> None:
+        self.version += 1
+        self.turned += 1
 
     def _knob(self, group: str, name: str) -> Knob:
         for knob in self.knobs().get(group, []):
@@ -195,6 +204,7 @@ class Session:
         """Take away all inputs that were put by hand."""
         with self.lock:
             self.peaks.clear()
+            self._changed()
             for part in self.source.parts.values():
                 self._apply(part)
 
@@ -225,7 +235,7 @@ class Session:
     def _apply(self, part: Watched) -> None:
         peaks = [peak.tensor() for label, peak in self.peaks.values() if label == part.label]
         part.added = sum(peaks[1:], peaks[0]) if peaks else None
-        self.version += 1
+        self._changed()
 
     def _part(self, label: str) -> Watched:
         if label not in self.source.parts:
