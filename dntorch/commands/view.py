@@ -6,8 +6,7 @@ from pathlib import Path
 import click
 
 from dntorch.commands.common import Computing, stoppable
-from dntorch.commands.emulate import _host
-from dntorch.commands.kinds import Parsed, whole
+from dntorch.commands.kinds import HOST, Parsed, whole
 from dntorch.extras import require
 
 
@@ -21,7 +20,7 @@ def _there(text: str) -> Path:
 @click.command(cls=Computing)
 @click.argument("target", type=Parsed(_there, "path"))
 @click.option(
-    "--host", type=Parsed(_host), default="127.0.0.1", show_default=True,
+    "--host", type=HOST, default="127.0.0.1", show_default=True,
     help="Where to listen; who reaches it can use the page.",
 )  # fmt: skip
 @click.option("--port", type=whole(0, 65535), default=0, help="TCP port.  [default: a free one]")

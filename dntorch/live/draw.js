@@ -19,10 +19,10 @@ let layout = "", canvases = []
 
 function send(what) { pressed.data = {...what, n: [pressed.data.n[0] + 1]} }
 
-function size(panel) {
+function size(panel, row) {
   if (panel.kind === "lines") return [2 * SIDE, SIDE]
-  const [rows, columns] = panel.shape
-  if (panel.steps) return [SIDE, SIDE]
+  const [rows, columns] = panel.shape, first = row.panels[0]
+  if (panel.steps) return [SIDE, first.kind === "map" ? Math.max(110, size(first, row)[1]) : SIDE]
   const shrink = Math.min(SIDE / columns, 1.2 * SIDE / rows)
   return [Math.max(60, columns * shrink), Math.max(60, rows * shrink)]
 }
@@ -33,9 +33,9 @@ function build(rows) {
   for (const row of rows) {
     const line = document.createElement("div")
     line.className = "row"
-    line.style.cssText = "display:flex;flex-wrap:wrap;gap:12px;margin-bottom:8px"
+    line.style.cssText = "display:flex;flex-wrap:wrap;align-items:flex-start;gap:12px;margin-bottom:8px"
     for (const panel of row.panels) {
-      const canvas = document.createElement("canvas"), [width, height] = size(panel)
+      const canvas = document.createElement("canvas"), [width, height] = size(panel, row)
       canvas.width = LEFT + width + 46
       canvas.height = TOP + height + BOTTOM
       canvas.dataset.label = row.label
@@ -80,6 +80,13 @@ function frame(canvas, panel) {
 
 function ends(g, canvas, panel) {
   const [rows, columns] = panel.shape || [0, panel.n], base = TOP + canvas.high
+  if (panel.letters) {
+    const each = canvas.wide / columns, down = canvas.high / rows
+    for (let k = 0; k < columns; k++) text(g, panel.letters[k], LEFT + (k + 0.4) * each, base + 12)
+    if (rows !== columns) return
+    for (let k = 0; k < rows; k++) text(g, panel.letters[k], LEFT - 4, TOP + (k + 0.6) * down, "right")
+    return
+  }
   const across = panel.steps && !panel.shape ? ["-" + columns, "now"] : ["0", columns - 1]
   text(g, across[0], LEFT, base + 12)
   text(g, across[1], LEFT + canvas.wide, base + 12, "right")

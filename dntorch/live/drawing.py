@@ -60,18 +60,24 @@ class Drawing:
             rows.append({"label": "", "panels": extras})
         for label, picture in pictures.items():
             rows.append({"label": label, "panels": self._part(label, picture, parts)})
+        for panel in (panel for row in rows for panel in row["panels"]):
+            panel["letters"] = session.source.letters.get(panel["title"], "")
         described["rows"] = rows
         return json.dumps(described), np.concatenate(parts)
 
     def _part(self, label: str, picture: Picture, parts: list[np.ndarray]) -> list[dict[str, Any]]:
-        trail = self._map("space-time: activation", picture.trail, parts, label, steps=True)
-        if picture.activation.ndim == 2:
-            names = ("activation", "output", "input")
-            maps = [self._map(name, x, parts, label) for name, x in zip(names, picture)]
-            return [each | {"touch": 2} for each in maps] + [trail]
+        """Panels of one part, their bytes in the same order."""
         if picture.activation.ndim == 0:
             return [self._lines(label, _history(picture), parts) | {"touch": 0, "steps": True}]
-        return [self._lines(label, picture, parts) | {"touch": 1}, trail]
+        if picture.activation.ndim == 1:
+            panels = [self._lines(label, picture, parts) | {"touch": 1}]
+        else:
+            names = (f"{label}: activation", "output", "input")
+            panels = [
+                self._map(name, x, parts, label) | {"touch": 2} for name, x in zip(names, picture)
+            ]
+        trail = self._map("space-time: activation", picture.trail, parts, label, steps=True)
+        return [*panels, trail]
 
     def _scale(self, *key: str, least: float = 1.0) -> Scale:
         return self.scales.setdefault(key, Scale(least))

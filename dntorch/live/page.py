@@ -239,5 +239,3 @@ def _nice(step: float) -> float:
     """The largest 1, 2 or 5 times a power of ten that is not above."""
     power = 10.0 ** int(f"{step:e}".split("e")[1])
     return max(each * power for each in (1, 2, 5) if each * power <= step * (1 + 1e-9))
-
-

@@ -1,7 +1,10 @@
 """What may be watched: a structure of this library, a COSIVINA file, a run with its world."""
 
 import copy
+import time
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,10 @@ from dntorch.dynamics import Dynamics
 from dntorch.live.knobs import Knob, architecture_knobs, part_knobs
 from dntorch.live.watched import KINDS, Watched, watch
 from dntorch.modules.architecture import Architecture
+
+OUTSIDE = 0.25
+"""Seconds between two views from outside."""
+MATRICES = ("values (state by action)", "eligibility trace (state by action)")
 
 
 class Source:
@@ -24,6 +31,7 @@ class Source:
         parts: what can be seen of it, by name.
         shown: names that are shown at first.
         knobs: what can be turned.
+        letters: of the sites of a part or a matrix, by its title, where they have some.
         rewarded: whether there is somebody who learns from a reward.
     """
 
@@ -33,6 +41,7 @@ class Source:
     parts: dict[str, Watched]
     shown: list[str]
     knobs: list[Knob]
+    letters: Mapping[str, str] = MappingProxyType({})
     rewarded = False
 
     def advance(self) -> None:
@@ -138,6 +147,8 @@ class RunSource(Source):
         self._open()
         self.parts = watch(self.agent)
         self.shown = [k for k in self.parts if k.startswith(("sensorimotor", "behaviors.intent"))]
+        nodes = [k for k, part in self.parts.items() if part.shape == [self.agent.n]]
+        self.letters = dict.fromkeys([*nodes, *MATRICES], self.config.colors)
         noise = self.config.noise if self.config.lifelong else 0.0
         self._noise, self._exploration = noise, self._explorer()
         self.knobs = [
@@ -189,6 +200,7 @@ class RunSource(Source):
         self._state = self._world.initial(seed=self.config.seed)
         self._observation = self._world.observe(self._state)
         self._paid, self._owed = torch.zeros(()), 0
+        self._outside: np.ndarray | None = None
         self.found, self.rewards, self.given = 0, 0, 0
 
     def advance(self) -> None:
@@ -215,16 +227,16 @@ class RunSource(Source):
     def images(self) -> dict[str, np.ndarray]:
         if self._env is None:
             return {}
-        return {"outside": self._env.render(), "camera": self._observation["image"].numpy()}
+        now = time.monotonic()
+        if self._outside is None or now - self._looked > OUTSIDE:  # it takes longer than the rest
+            self._outside, self._looked = self._env.render(), now
+        return {"outside": self._outside, "camera": self._observation["image"].numpy()}
 
     def matrices(self) -> dict[str, np.ndarray]:
         from dntorch.show.extracts import value_image
 
-        weights, trace = self.agent.weights, self.agent.learner.trace.u
-        return {
-            "values (state by action)": value_image(_numbers(weights)),
-            "eligibility trace (state by action)": value_image(_numbers(trace)),
-        }
+        seen = self.agent.weights, self.agent.learner.trace.u
+        return {title: value_image(_numbers(each)) for title, each in zip(MATRICES, seen)}
 
     def note(self) -> str:
         colors = self.config.colors
