@@ -205,6 +205,11 @@ function draw() {
   requestAnimationFrame(() => { drawn.data = {n: [n]} })
 }
 
+// A button that was clicked lets go of the keyboard, so that a space plays and pauses.
+document.addEventListener("click", (event) => {
+  const button = event.composedPath().find((x) => x.matches && x.matches("button"))
+  if (button && event.detail) button.blur()
+})
 document.addEventListener("keydown", (event) => {
   const inside = (what) => event.composedPath().some((x) => x.matches && x.matches(what))
   if (!names.includes(event.key) || event.repeat || inside("input, select, textarea")) return
