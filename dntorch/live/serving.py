@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import logging
+import socket
 import threading
 import webbrowser
 from concurrent.futures import Future
@@ -100,14 +101,14 @@ def _server(session: Session, host: str, port: int, loop: Any) -> tuple[Any, int
     from bokeh.application.handlers.function import FunctionHandler
     from bokeh.server.server import BaseServer
     from bokeh.server.tornado import BokehTornado
-    from bokeh.server.util import bind_sockets
     from tornado.httpserver import HTTPServer
     from tornado.ioloop import PeriodicCallback
 
     from dntorch.live.page import Page
 
     logging.getLogger("bokeh").setLevel(logging.ERROR)
-    sockets, port = bind_sockets(host, port)
+    listening = _listen(host, port)
+    port = listening.getsockname()[1]
     pages = 0
 
     def make(document: Any) -> None:
@@ -131,9 +132,23 @@ def _server(session: Session, host: str, port: int, loop: Any) -> tuple[Any, int
         unused_session_lifetime_milliseconds=5_000, check_unused_sessions_milliseconds=2_000,
     )  # fmt: skip
     http = HTTPServer(tornado)
-    http.add_sockets(sockets)
+    http.add_sockets([listening])
     PeriodicCallback(tick, TICK).start()
     return BaseServer(loop, tornado, http), port
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    """A socket that listens there; one that can't is closed again.
+
+    Raises:
+        OSError: no such address here, or a port that is taken.
+    """
+    family, *_, address = socket.getaddrinfo(
+        host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+    )[0]
+    listening = socket.create_server(address[:2], family=family)
+    listening.setblocking(False)
+    return listening
 
 
 def view(
@@ -166,8 +181,8 @@ def view(
     >>> page = view(DNF(50), browser=False)
     >>> name = page.session.touch("field", [20])
     >>> page.session.step(32)
-    >>> page.session.pictures()["field"].output.argmax()
-    np.int64(20)
+    >>> int(page.session.pictures()["field"].activation.argmax())
+    20
     >>> page.stop()
     """
     require("bokeh", "numpy")
