@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from dntorch import declare, stepping
 from dntorch.checks import check_count
-from dntorch.parameters import check_batch, outside_inference
+from dntorch.parameters import check_batch
 from dntorch.snapshots import Snapshots
 
 S = TypeVar("S")
@@ -187,20 +187,10 @@ class Dynamics(Snapshots, Generic[S], metaclass=_Complete):
 
     # ------------------------------------------------------------- copies
 
-    def register_buffer(self, name: str, tensor: Tensor | None, persistent: bool = True) -> None:
-        super().register_buffer(name, outside_inference(tensor), persistent)
-
     def __getstate__(self) -> dict[str, Any]:
         # A kernel made of tensors that want gradients is a buffer within their graph.
         cut = {k: x if x is None else x.detach() for k, x in self._buffers.items()}
         return self.__dict__ | {"_buffers": cut}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        super().__setstate__(state)
-        for name, buffer in list(self._buffers.items()):
-            self.register_buffer(name, buffer, name in self._memory())
-        for name, parameter in list(self._parameters.items()):
-            self._parameters[name] = outside_inference(parameter)
 
 
 def _direct_parts(module: nn.Module, prefix: str = "") -> list[tuple[str, Dynamics]]:

@@ -16,7 +16,21 @@ _COLLECTED = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 _MISSING = object()
 
 
-class Parameters(nn.Module):
+class Lasting(nn.Module):
+    """A module whose tensors are used outside of inference mode, too, wherever it was built."""
+
+    def register_buffer(self, name: str, tensor: Tensor | None, persistent: bool = True) -> None:
+        super().register_buffer(name, outside_inference(tensor), persistent)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        for name, buffer in list(self._buffers.items()):
+            self.register_buffer(name, buffer, name not in self._non_persistent_buffers_set)
+        for name, parameter in list(self._parameters.items()):
+            self._parameters[name] = outside_inference(parameter)
+
+
+class Parameters(Lasting):
     """A module whose constructor's arguments are its parameters; see `dntorch.Dynamics`.
 
     Attributes:

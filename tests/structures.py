@@ -12,6 +12,7 @@ from torch.utils._pytree import tree_leaves, tree_map
 from dntorch.cells.field import FieldState
 from dntorch.cells.kernels import Gauss
 from dntorch.dynamics import Dynamics
+from dntorch.modules.architecture import Architecture
 from dntorch.modules.behaviors import ElementaryBehaviors
 from dntorch.modules.constraints import Constraints
 from dntorch.modules.curiosity import Curiosity
@@ -21,9 +22,11 @@ from dntorch.modules.find_color import FindColor
 from dntorch.modules.habituation import Habituation
 from dntorch.modules.hebbian import HebbianQ
 from dntorch.modules.learner import Learner, LearnerState
+from dntorch.modules.memory_trace import MemoryTrace
 from dntorch.modules.node import NodeWTA
 from dntorch.modules.opposition import ValueOpposition
 from dntorch.modules.recall import Recall
+from dntorch.modules.relay import Relay
 from dntorch.modules.repertoire import Repertoire
 from dntorch.modules.sarsa import DNSarsa
 from dntorch.modules.sensorimotor import Direct, Sensorimotor
@@ -153,6 +156,39 @@ def progress(batch, generator):
     return found(batch, generator) | {"lamp": torch.rand((*batch, 1), generator=generator)}
 
 
+def fields(order=None):
+    """Fields of two sizes, nodes, a memory trace and relays, with names of all kinds."""
+    return Architecture(
+        {
+            "scene": DNF((4, 6), ()),
+            "u -> u": DNF(6, Gauss(4.0, 1.0)),
+            "keys": NodeWTA(3),
+            "memory": MemoryTrace(6, tau_build=0.2),
+            "sum": Relay(6),
+            "gate": Relay(6, "product", "logistic"),
+        },
+        ("scene", "u -> u", "c p -> p", Gauss(2.0, 1.0)),
+        ("u -> u", "scene", "p -> c p"),
+        ("u -> u", "memory"),
+        ("u -> u", "keys", "p -> k", 2.0),
+        ("memory", "sum"),
+        ("cue", "sum"),
+        ("sum", "gate"),
+        ("u -> u", "gate"),
+        ("gate", "u -> u", 3.0),
+        inputs={"cue": torch.linspace(0, 2, 6)},
+        order=order,
+    )
+
+
+def folded():
+    parts = {"u": DNF(6), "v": DNF((2, 3), Gauss(4.0, 1.0)), "sum": Relay(3)}
+    links = ("u", "sum", "x -> y", 0.1), ("sum", "v", "x -> y x"), ("v", "u", "y x -> z")
+    return Architecture(parts, *links).fold()
+
+
+LATE = ["scene", "u -> u", "memory", "keys", "gate", "sum"]
+GIVEN = some(**{"scene": strong(4, 6), "cue": unit(6), "u -> u": strong(6)})
 BEYOND = (
     "deliberation.constraints.suppression", "deliberation.curiosity.weights",
     "learner.values.weights",
@@ -162,6 +198,10 @@ PAIRS, AGENT = (N, N), ("learner.values.weights",)
 CASES = {
     "DNF 1-D": Case(lambda: DNF(9), (strong(9),)),
     "DNF 2-D": Case(lambda: DNF((5, 6), substeps=2, integrator="heun"), (strong(5, 6),)),
+    "MemoryTrace": Case(lambda: MemoryTrace((2, 3)), (unit(2, 3),), ("trace",)),
+    "Architecture": Case(fields, (GIVEN,), ("elements.memory.part.trace",)),
+    "Architecture in order": Case(lambda: fields(LATE), (GIVEN,), ("elements.memory.part.trace",)),
+    "Architecture, folded": Case(folded, (some(u=strong(6), sum=unit(3)),)),
     "NodeWTA": Case(lambda: NodeWTA(N), (strong(N),)),
     "TPCell": Case(lambda: TPCell(PAIRS), (unit(*PAIRS),)),
     "ItemOrderWM": Case(lambda: ItemOrderWM(N), (signed(*PAIRS),)),
@@ -288,7 +328,7 @@ def frozen(module, inputs):
 
 def traced(module, inputs):
     # A check would run the module twice and find that it has moved on.
-    return torch.jit.trace(module, inputs, check_trace=False)
+    return torch.jit.trace(module, inputs, check_trace=False, strict=False)
 
 
 def compiled(module, inputs):

@@ -1,15 +1,18 @@
 """The elements of an architecture: each with what reaches it, and what it shows."""
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 
 from dntorch.dynamics import Dynamics
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay
+from dntorch.parameters import Lasting
 from dntorch.plumbing import overwrite
 
 
-class Stimulus(nn.Module):
+class Stimulus(Lasting):
     """An input by name: what is given is added to a constant ``value``, by default zeros."""
 
     value: Tensor
@@ -34,7 +37,7 @@ class Arm(nn.Module):
         return self.projection(shown[self.source])
 
 
-class Element(nn.Module):
+class Element(Lasting):
     """Gathers what reaches it; a `Member` or a `Passing` says what comes of it.
 
     Attributes:
@@ -64,6 +67,20 @@ class Element(nn.Module):
             else:
                 total = total * each if self.product else total + each
         return total + given[self.label] if self.label in given else total
+
+
+class Elements(nn.ModuleDict):
+    """Elements by name, in the sequence of their steps.
+
+    TorchScript takes two whose elements have the same names and types for one, and steps both in
+    the sequence of the first, unless a constant tells them apart.
+    """
+
+    __constants__ = ("sequence",)
+
+    def __init__(self, sequence: Sequence[str]) -> None:
+        super().__init__()
+        self.sequence = tuple(sequence)
 
 
 class Member(Element):
@@ -100,6 +117,7 @@ class Member(Element):
 class Passing(Element):
     """A relay; ``kept`` if one that steps before it reads it, a step late."""
 
+    shape: list[int]
     shown: Tensor
 
     def __init__(self, label: str, relay: Relay, arms: list[Arm], kept: bool) -> None:
@@ -128,4 +146,4 @@ class Passing(Element):
 
     def advance(self, reaching: Tensor, x: Tensor) -> Tensor:
         ahead = self.relay(reaching)
-        return ahead.expand_as(x).clone() if self.kept else ahead
+        return ahead + torch.zeros_like(x) if self.kept else ahead

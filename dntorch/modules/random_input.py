@@ -44,6 +44,7 @@ class Noise(Parameters):
     Not in the paper. COSIVINA's ``amplitude / sqrt(dt)`` gives
     ``amplitude / sqrt(2 tau - dt)``, which changes with dt.
 
+    >>> from dntorch import DNF
     >>> field, noise = DNF(1000, kernel=()), Noise(1000, sd=0.5)
     >>> _ = torch.manual_seed(0)
     >>> for _ in range(64):

@@ -62,7 +62,7 @@ def _sorted(reads: Reads, relays: list[str]) -> list[str]:
     return done
 
 
-def backward(reads: Reads, relays: list[str], sequence: list[str]) -> dict[str, int]:
+def backward(reads: Reads, relays: list[str], sequence: Sequence[str]) -> dict[str, int]:
     """Relays that stand behind one that reads them, each with how many such stand before it."""
     place = {label: k for k, label in enumerate(sequence)}
     late = {

@@ -134,7 +134,7 @@ def test_given_matrices_act_as_to_from():
 @pytest.mark.parametrize(
     ("kernel", "border", "message"),
     [
-        ([Gauss(1.0, 0.0)], "zero", "sigma=0.0"),
+        ([Gauss(1.0, -1.0)], "zero", "sigma=-1.0"),
         ([Gauss(1.0, 1.0)], "mirror", "border='mirror'.*'circular' or 'zero'"),
         ([Gauss(1.0, (1.0, 2.0, 3.0))], "zero", "sigma=.* 3 entries for 2 axes"),
         ([Gauss(1.0, 1.0)], ("zero",), "border=.* 1 entries for 2 axes"),

@@ -104,7 +104,7 @@ def test_what_is_no_finite_number_is_refused_and_changes_nothing(structure, name
 @pytest.mark.parametrize(
     ("structure", "name", "wrong"),
     [
-        ("DNF", "tau", -1), ("DNF", "tau", 1 / 64), ("DNF", "h", 2), ("NodeWTA", "tau", 0),
+        ("DNF", "tau", -1), ("DNF", "tau", 1 / 64), ("NodeWTA", "tau", 0),
         ("NodeWTA", "h", 5.0), ("NodeWTA", "floor", -4), ("TPCell", "tau", 0.01),
         ("ItemOrderWM", "excitation", -1),
         ("ItemOrderWM", "excitation", 40), ("ItemOrderWM", "threshold", -0.1),
@@ -417,9 +417,9 @@ def test_a_shift_keeps_the_size_of_taps_near_a_zero_border():
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: DNF(3.5), r"shape=3\.5: give 0 to 3 axes"),
-        (lambda: DNF("9"), r"shape='9': give 0 to 3 axes"),
-        (lambda: DNF((3, 2.5)), r"shape=\(3, 2\.5\): give 0 to 3 axes"),
+        (lambda: DNF(3.5), r"shape=3\.5: give a number of sites"),
+        (lambda: DNF("9"), r"shape='9': give a number of sites"),
+        (lambda: DNF((3, 2.5)), r"shape=\(3, 2\.5\): give a number of sites"),
         (lambda: DNF(9, kernel="mexican"), "kernel='mexican' is no kernel: give terms"),
         (lambda: DNF(9, kernel=3.0), "kernel=3.0 is no kernel: give terms"),
         (lambda: DNF(9, kernel=(Gauss(1.0, 1.0), 2)), "is no kernel: give terms"),

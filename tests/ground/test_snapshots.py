@@ -19,7 +19,7 @@ from structures import (
     stream,
 )
 from torch import nn
-from torch.utils._pytree import tree_flatten, tree_unflatten
+from torch.utils._pytree import tree_flatten, tree_leaves, tree_map, tree_unflatten
 
 from dntorch import DNF, DNSarsa, FindColor, HebbianQ, Learner, NodeWTA, Repertoire
 
@@ -85,8 +85,8 @@ def test_a_bad_number_is_refused_before_it_erases_what_was_learned(case, bad):
         held = module.snapshot()
         (inputs,) = stream(case, 1, *batch)
         for k in range(len(inputs)):
-            spoilt = [x.clone() for x in inputs]
-            spoilt[k].view(-1)[0] = bad
+            spoilt = [tree_map(torch.clone, x) for x in inputs]
+            tree_leaves(spoilt[k])[0].view(-1)[0] = bad
             for _ in range(2):  # through the activation, too
                 try:
                     module(*spoilt)
@@ -159,7 +159,7 @@ def test_a_checkpoint_of_other_names_changes_nothing(case):
     held, good = module.snapshot(), {k: 2 * x + 1 for k, x in module.state_dict().items()}
     with pytest.raises(ValueError, match=r"the state_dict has one more, .* has no: build the"):
         module.load_state_dict(good | {"more": torch.zeros(2)})
-    with pytest.raises(ValueError, match=r"the state_dict has no .*(weights|suppression)"):
+    with pytest.raises(ValueError, match=r"the state_dict has no .*(weights|suppression|trace)"):
         module.load_state_dict({})
     assert_same(module.snapshot(), held)
     module.load_state_dict({"more": torch.zeros(2)}, strict=False)

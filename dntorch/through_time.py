@@ -25,6 +25,7 @@ def rollout(structure: Dynamics, inputs: Any, state: Any = None) -> tuple[Any, A
     Raises:
         ValueError: inputs without a common axis of time.
 
+    >>> from dntorch import DNF
     >>> outputs, states = rollout(DNF(5), torch.zeros(3, 5))
     >>> states.u.shape
     torch.Size([3, 5])
