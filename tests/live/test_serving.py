@@ -55,7 +55,7 @@ def test_a_port_that_is_taken_is_one_sentence() -> None:
         ("nowhere", "TARGET=nowhere: it is not there"),
         (". --no-browser", "holds no run"),
         (". --port 70000", "--port=70000: give"),
-        (". --host a/b", "--host=a/b: give a name"),
+        (". --host a..b", "--host=a..b: give a name"),
     ],
 )
 def test_what_cannot_be_opened_is_one_sentence(
