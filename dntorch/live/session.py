@@ -22,6 +22,9 @@ BUDGET = 0.03
 BEHIND = 0.25
 """Seconds of delay that are made up for; a structure slower than wanted does not pile up more."""
 
+FINE = 0.005
+"""Seconds per step up to which time passes slowly at first: such models live in milliseconds."""
+
 
 class Picture(NamedTuple):
     """A part at one moment; float32, of 0 to 2 axes. Of three the largest along the first."""
@@ -52,7 +55,8 @@ class Session:
 
     def __init__(self, source: Source) -> None:
         self.source, self.lock = source, threading.RLock()
-        self.playing, self.speed, self.steps, self.version = False, 1.0, 0, 0
+        self.playing, self.steps, self.version = False, 0, 0
+        self.speed = 1.0 if source.dt > FINE else 1 / 16
         self.turned, self.trouble, self.pace = 0, "", 0.0
         self.peaks: dict[str, tuple[str, Peak]] = {}
         self._count, self._due, self._last = 0, 0.0, time.monotonic()

@@ -1,8 +1,9 @@
 """What may be watched: a structure of this library, a COSIVINA file, a run with its world."""
 
 import copy
+import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -79,12 +80,19 @@ class Source:
 class StructureSource(Source):
     """An `Architecture`, a `DNF`, a `NodeWTA` or a `MemoryTrace`, without other inputs.
 
+    Args:
+        structure: is copied.
+        title: for people.
+        noise: inputs of an architecture that are drawn anew in each step, with sd 1, by label.
+
     Raises:
         TypeError: another structure.
         ValueError: a structure with a batch.
     """
 
-    def __init__(self, structure: Dynamics, title: str = "") -> None:
+    def __init__(
+        self, structure: Dynamics, title: str = "", noise: Mapping[str, Sequence[int]] | None = None
+    ) -> None:
         if not isinstance(structure, (Architecture, *KINDS)):
             raise TypeError(
                 f"{type(structure).__name__} cannot be viewed: give an Architecture, a DNF, a "
@@ -99,18 +107,33 @@ class StructureSource(Source):
         self.title = title or type(structure).__name__
         self.parts = watch(self.structure)
         fields = [k for k, part in self.parts.items() if not part.relay]
-        self.shown = fields[:3]
+        wide = [k for k in fields if math.prod(self.parts[k].shape) > 1]
+        self.shown = (wide or fields)[:3]
+        self._noise, self._gain, self._generator = dict(noise or {}), 1.0, torch.Generator()
         if isinstance(structure, Architecture):
             self.knobs = list(architecture_knobs(self.structure))
-            self._inputs: tuple[Any, ...] = ({},)
+            if self._noise:
+                self.knobs.append(
+                    Knob("noise", "gain", 0.0, 3.0, lambda: self._gain, self._set_gain)
+                )
         else:
             (label,) = fields
             self.knobs = list(part_knobs(label, self.structure))
-            shape = self.parts[label].shape
-            self._inputs = (torch.zeros(shape).to(self.structure.origin),)
+            self._silence = torch.zeros(self.parts[label].shape).to(self.structure.origin)
+
+    def _set_gain(self, gain: float) -> None:
+        self._gain = gain
 
     def advance(self) -> None:
-        self.structure(*self._inputs)
+        if not isinstance(self.structure, Architecture):
+            self.structure(self._silence)
+            return
+        like, drawn = self.structure.origin, {}
+        if self._gain:
+            for label, shape in self._noise.items():
+                white = torch.randn(tuple(shape), generator=self._generator)
+                drawn[label] = self._gain * white.to(like)
+        self.structure(drawn)
 
     def reset(self) -> None:
         self.structure.reset()
@@ -279,4 +302,4 @@ def open_source(target: Any) -> Source:
         return RunSource(path)
     from dntorch import cosivina
 
-    return StructureSource(cosivina.load(path), str(path))
+    return StructureSource(cosivina.load(path), str(path), cosivina.noise(path))

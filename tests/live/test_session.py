@@ -10,7 +10,7 @@ import torch
 from live_models import coupled
 from small_runs import write_run
 
-from dntorch import DNF, DNSarsa, Gauss, Global, MemoryTrace, NodeWTA, gauss
+from dntorch import DNF, DNSarsa, Gauss, Global, MemoryTrace, NodeWTA, cosivina, gauss
 from dntorch.live.drawing import LEVELS, Drawing, Scale, as_bytes
 from dntorch.live.inputs import Peak, recognised
 from dntorch.live.session import ROWS, Session
@@ -232,6 +232,24 @@ def test_a_step_that_fails_stops_and_says_why() -> None:
 
 
 # ------------------------------------------------------------------ what may be viewed
+
+
+def test_a_cosivina_file_runs_with_its_noise(tmp_path: Path) -> None:
+    quiet = Architecture({"a": DNF(20, dt=0.001)}, ("n", "a"), inputs={"n": 20})
+    source = StructureSource(quiet, noise={"n": (20,)})
+    session = Session(source)
+    assert session.speed == 1 / 16
+    session.step()
+    first = session.pictures()["a"].input
+    session.step()
+    assert first.std() > 0.5 and not np.array_equal(first, session.pictures()["a"].input)
+    session.set("noise", "gain", 0.0)
+    session.step()
+    assert np.all(session.pictures()["a"].input == 0)
+    path = tmp_path / "model.json"
+    cosivina.save(Architecture({"field u": DNF(50, dt=0.001)}), path)
+    again = open_source(path)
+    assert again.shown == ["field u"] and again.title == str(path)
 
 
 def test_what_cannot_be_viewed_is_refused(tmp_path: Path) -> None:
