@@ -104,7 +104,7 @@ class Drawing:
         }  # fmt: skip
 
     def _image(self, title: str, image: np.ndarray, parts: list[np.ndarray]) -> dict[str, Any]:
-        stride = max(1, image.shape[1] // WIDEST)
+        stride = math.ceil(image.shape[1] / WIDEST)
         small = np.ascontiguousarray(image[::stride, ::stride], dtype=np.uint8)
         parts.append(small.reshape(-1))
         return {"kind": "image", "title": title, "shape": small.shape[:2]}

@@ -17,7 +17,7 @@ from dntorch.live.watched import Watched
 
 ROWS = 200
 """Steps that a space-time plot shows."""
-BUDGET = 0.03
+BUDGET = 0.015
 """Seconds of stepping at most between two looks at what the user does."""
 BEHIND = 0.25
 """Seconds of delay that are made up for; a structure slower than wanted does not pile up more."""
