@@ -12,7 +12,12 @@ from dntorch.extras import require
 
 def _there(text: str) -> Path:
     path = Path(text)
-    if not path.exists():
+    try:
+        path.lstat()
+        there = text != ""
+    except (OSError, ValueError):  # the latter of a text that is no path
+        there = False
+    if not there:
         raise ValueError("it is not there: name a COSIVINA file or the folder of a run")
     return path
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from dntorch.live.session import ROWS, Picture, Session
+from dntorch.live.pictures import ROWS, Picture
+from dntorch.live.session import Session
 
 LEVELS = 255
 """colours of a heat map; the byte above them is for what is not a number"""

@@ -4,36 +4,22 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from dntorch.live.inputs import Peak, peak_for
 from dntorch.live.knobs import Knob, peak_knobs
+from dntorch.live.pictures import ROWS, Picture, picture_of, profile
 from dntorch.live.sources import Source
 from dntorch.live.watched import Watched
 
-ROWS = 200
-"""Steps that a space-time plot shows."""
 BUDGET = 0.015
 """Seconds of stepping at most between two looks at what the user does."""
 BEHIND = 0.25
 """Seconds of delay that are made up for; a structure slower than wanted does not pile up more."""
-
 FINE = 0.005
 """Seconds per step up to which time passes slowly at first: such models live in milliseconds."""
-
-
-class Picture(NamedTuple):
-    """A part at one moment; float32, of 0 to 2 axes. Of three the largest along the first."""
-
-    activation: np.ndarray
-    output: np.ndarray
-    input: np.ndarray
-    trail: np.ndarray
-    """activation of the last steps, ``(ROWS, n)``, newest last; of two axes the largest along y"""
 
 
 class Session:
@@ -276,7 +262,7 @@ class Session:
         for label in self._shown:
             if not (only_new and label in self._trails):
                 trail = self._trails.setdefault(label, deque(maxlen=ROWS))
-                trail.append(_profile(self.source.parts[label].activation()))
+                trail.append(profile(self.source.parts[label].activation()))
         for label in self._trails.keys() - set(self._shown):
             del self._trails[label]
 
@@ -287,11 +273,7 @@ class Session:
             return {label: self._picture(label) for label in self._shown}
 
     def _picture(self, label: str) -> Picture:
-        part, rows = self.source.parts[label], self._trails[label]
-        seen = (part.activation(), part.output(), part.input)
-        trail = np.full((ROWS, len(rows[0])), np.nan, np.float32)
-        trail[ROWS - len(rows) :] = np.stack(rows)
-        return Picture(*(_array(_flat(each)) for each in seen), trail)
+        return picture_of(self.source.parts[label], self._trails[label])
 
     @torch.inference_mode()
     def images(self) -> dict[str, np.ndarray]:
@@ -312,19 +294,3 @@ class Session:
         with self.lock:
             self.playing = False
             self.source.close()
-
-
-def _flat(tensor: Tensor) -> Tensor:
-    """At most two axes."""
-    return tensor.amax(0) if tensor.dim() == 3 else tensor
-
-
-def _profile(tensor: Tensor) -> np.ndarray:
-    """One axis: the largest along the others."""
-    for _ in range(tensor.dim() - 1):
-        tensor = tensor.amax(0)
-    return _array(tensor).reshape(-1)
-
-
-def _array(tensor: Tensor) -> np.ndarray:
-    return tensor.detach().to("cpu", torch.float32).numpy().copy()

@@ -13,8 +13,10 @@ from small_runs import write_run
 from dntorch import DNF, DNSarsa, Gauss, Global, MemoryTrace, NodeWTA, cosivina, gauss
 from dntorch.live.drawing import LEVELS, Drawing, Scale, as_bytes
 from dntorch.live.inputs import Peak, recognised
-from dntorch.live.session import ROWS, Session
-from dntorch.live.sources import RunSource, StructureSource, open_source
+from dntorch.live.pictures import ROWS
+from dntorch.live.run_source import RunSource
+from dntorch.live.session import Session
+from dntorch.live.sources import StructureSource, open_source
 from dntorch.modules.architecture import Architecture
 
 
