@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from dntorch.modules.dissatisfaction import Dissatisfaction
     from dntorch.modules.field import DNF
     from dntorch.modules.find_color import FindColor
+    from dntorch.modules.folding import Folded
     from dntorch.modules.habituation import Habituation
     from dntorch.modules.hebbian import HebbianQ
     from dntorch.modules.learner import Learner
@@ -65,6 +66,7 @@ else:  # the same, later
             "ElementaryBehaviors": "modules.behaviors",
             "Exploration": "noise",
             "FindColor": "modules.find_color",
+            "Folded": "modules.folding",
             "Gauss": "cells.kernels",
             "Global": "cells.kernels",
             "Habituation": "modules.habituation",
@@ -111,6 +113,7 @@ __all__ = [
     "ElementaryBehaviors",
     "Exploration",
     "FindColor",
+    "Folded",
     "Gauss",
     "Global",
     "Habituation",

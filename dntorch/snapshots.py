@@ -62,9 +62,9 @@ class Snapshots(Memory):
     @torch.jit.unused
     def _require_state(self, state: Any) -> None:
         """Raise unless a state is one of this structure, in its batch."""
-        held = self.flat(self.state)
+        held = self._named(self.state)
         try:
-            given = dict(self.flat(state))
+            given = dict(self._named(state))
         except (AttributeError, TypeError, ValueError) as error:
             raise TypeError(
                 f"state is a {type(state).__name__} ({error}): give what {type(self).__name__}"
@@ -90,6 +90,10 @@ class Snapshots(Memory):
                     f"this structure: call {remedy}"
                 )
 
+    def _named(self, state: Any) -> dict[str, Tensor]:
+        """The tensors of a state by the names that a user knows them by."""
+        return self.flat(state)
+
     def _learned(self) -> set[str]:
         """Names of long-term memory in a flat state."""
         return {f"{path}.{name}".lstrip(".") for path, _, name in memories(self)}
@@ -108,8 +112,9 @@ class Snapshots(Memory):
         """Raise unless what was learned stays finite: one bad number would erase it for ever."""
         if torch.compiler.is_compiling() or torch.jit.is_tracing():
             return
+        flat = self.flat(state)
         for name in self._long_term:
-            ahead = _entry(state, name).detach()
+            ahead = flat[name].detach()
             # A sum first, which is faster; one of finite numbers may be infinite.
             if ahead.is_meta or math.isfinite(ahead.sum()) or bool(ahead.isfinite().all()):
                 continue
@@ -191,13 +196,3 @@ def _lacks(name: str, owner: str, owned: bool) -> str:
     """What stands in a sentence between the name of something and the remedy."""
     there, here = ("no", "one") if owned else ("one", "no")
     return f"has {there} {name}, {owner} has {here}"
-
-
-def _entry(state: Any, name: str) -> Tensor:
-    """A tensor of a state by its name in the flat form."""
-    while not isinstance(state, Tensor):
-        if isinstance(state, dict):
-            return state[name]
-        head, _, name = name.partition(".")
-        state = getattr(state, head)
-    return state

@@ -17,6 +17,7 @@ from torch import Tensor
 from torch.utils import _pytree as pytree
 
 from dntorch.dynamics import Dynamics
+from dntorch.modules.wiring import escaped
 
 SWITCHES = ("learning",)
 """Names of buffers that are neither state nor constant: they stay inputs of a function."""
@@ -76,13 +77,9 @@ class Boundary:
             for name, buffer in buffers.items()
             if name.rpartition(".")[2] in SWITCHES
         ]
-        leaves = pytree.tree_leaves(output)
-        acts = any(keys is not None for keys in self.takes.values())
-        single = "action" if acts else "output"
-        self.outputs = [
-            Port.of(single if len(leaves) == 1 else f"{single}_{k}", leaf)
-            for k, leaf in enumerate(leaves)
-        ]
+        self.gives = list(output) if isinstance(output, dict) else None
+        """The keys of an output by name, None for tensors."""
+        self.outputs = self._outputs(output)
         self._check(buffers)
 
     def named(self, inputs: Sequence[Input]) -> dict[str, Tensor]:
@@ -110,6 +107,17 @@ class Boundary:
         for (name, keys), value in zip(self.takes.items(), inputs, strict=True):
             pairs += [(name, value)] if keys is None else [(key, value[key]) for key in keys]
         return pairs
+
+    def _outputs(self, output: Any) -> list[Port]:
+        if self.gives is not None:
+            return [Port.of(f"output_{escaped(key)}", output[key]) for key in self.gives]
+        leaves = pytree.tree_leaves(output)
+        acts = any(keys is not None for keys in self.takes.values())
+        single = "action" if acts else "output"
+        return [
+            Port.of(single if len(leaves) == 1 else f"{single}_{k}", leaf)
+            for k, leaf in enumerate(leaves)
+        ]
 
     def _check(self, buffers: Mapping[str, Tensor]) -> None:
         """Raise unless every tensor has a name of its own, the state's those of its buffers."""

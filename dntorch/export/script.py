@@ -98,4 +98,12 @@ def _forward(boundary: Boundary) -> str:
     gives = ", ".join("Tensor" for _ in boundary.outputs)
     gives = gives if len(boundary.outputs) == 1 else f"Tuple[{gives}]"
     lines = [f"def forward(self, {takes}) -> {gives}:", *checks]
-    return "\n    ".join([*lines, f"return self.structure({', '.join(arguments)})\n"])
+    call = f"self.structure({', '.join(arguments)})"
+    if boundary.gives is not None:
+        lines, call = [*lines, f"output = {call}"], _listed(boundary.gives)
+    return "\n    ".join([*lines, f"return {call}\n"])
+
+
+def _listed(keys: list[str]) -> str:
+    """The values of an output by name, as a function returns them."""
+    return ", ".join(f"output[{key!r}]" for key in keys)

@@ -216,6 +216,24 @@ class Architecture(Dynamics[dict[str, Tensor]]):
             if element.kept:
                 element.write(state[element.label])
 
+    def flat(self, state: dict[str, Tensor]) -> dict[str, Tensor]:
+        flat: dict[str, Tensor] = {}
+        for element in self.elements.values():
+            if element.kept:
+                flat[element.path] = state[element.label]
+        return flat
+
+    @torch.jit.unused
+    def _named(self, state: Any) -> dict[str, Tensor]:
+        return dict(state)
+
+    def nested(self, flat: dict[str, Tensor]) -> dict[str, Tensor]:
+        state: dict[str, Tensor] = {}
+        for element in self.elements.values():
+            if element.kept:
+                state[element.label] = flat[element.path]
+        return state
+
     def initial(self, batch: list[int]) -> dict[str, Tensor]:
         rest: dict[str, Tensor] = {}
         for element in self.elements.values():
@@ -261,10 +279,6 @@ class Architecture(Dynamics[dict[str, Tensor]]):
                 if element.passing and element.kept:
                     element.register_buffer("shown", rest[element.label], persistent=False)
         return self
-
-    def _learned(self) -> set[str]:
-        members = [x for x in self.elements.values() if isinstance(x, Member)]
-        return {member.label for member in members if member.entry in member.part._memory()}
 
     # ------------------------------------------------------------- steps
 

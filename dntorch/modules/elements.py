@@ -8,6 +8,7 @@ from torch import Tensor, nn
 from dntorch.dynamics import Dynamics
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay
+from dntorch.modules.wiring import escaped
 from dntorch.parameters import Lasting
 from dntorch.plumbing import overwrite
 
@@ -41,7 +42,7 @@ class Element(Lasting):
     """Gathers what reaches it; a `Member` or a `Passing` says what comes of it.
 
     Attributes:
-        label: its name in inputs, outputs and states.
+        label: its name in inputs, outputs and states; ``path``: of the buffer of its state.
         kept: whether the state of the architecture has an entry for it.
         passing: whether it is a relay.
     """
@@ -90,6 +91,7 @@ class Member(Element):
         held = part.flat(part.state)[entry]
         super().__init__(label, list(held.shape[part.origin.dim() :]), arms)
         self.part, self.entry = part, entry
+        self.path = f"elements.{escaped(label)}.part.{entry}"
 
     def held(self) -> Tensor:
         return self.part.flat(self.part.state)[self.entry]
@@ -124,6 +126,7 @@ class Passing(Element):
         super().__init__(label, relay.shape, arms)
         self.relay, self.product = relay, relay.combine == "product"
         self.kept, self.passing = kept, True
+        self.path = f"elements.{escaped(label)}.shown"
         self.register_buffer("shown", torch.zeros(relay.shape if kept else 0), persistent=False)
 
     def held(self) -> Tensor:

@@ -1,6 +1,7 @@
 """One matrix for all that is linear between the fields of an architecture."""
 
 import math
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -117,6 +118,16 @@ class Folded(Dynamics[dict[str, Tensor]]):
 
     def write(self, state: dict[str, Tensor]) -> None:
         overwrite(self.u, self._together(state))
+
+    def flat(self, state: dict[str, Tensor]) -> dict[str, Tensor]:
+        return {"u": self._together(state)}
+
+    @torch.jit.unused
+    def _named(self, state: Any) -> dict[str, Tensor]:
+        return dict(state)
+
+    def nested(self, flat: dict[str, Tensor]) -> dict[str, Tensor]:
+        return self._apart(flat["u"])
 
     def initial(self, batch: list[int]) -> dict[str, Tensor]:
         return self._apart(self.start.expand(batch + [self.start.shape[0]]).clone())
