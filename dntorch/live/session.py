@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from dntorch.live.inputs import Peak, peak_for
-from dntorch.live.knobs import Knob, peak_knobs
+from dntorch.live.by_hand import ByHand
+from dntorch.live.inputs import Peak
+from dntorch.live.knobs import Knob
 from dntorch.live.pictures import ROWS, Picture, picture_of, profile
 from dntorch.live.sources import Source
 from dntorch.live.watched import Watched
@@ -44,8 +45,8 @@ class Session:
         self.playing, self.steps, self.version = False, 0, 0
         self.speed = 1.0 if source.dt > FINE else 1 / 16
         self.turned, self.trouble, self.pace = 0, "", 0.0
-        self.peaks: dict[str, tuple[str, Peak]] = {}
-        self._count, self._due, self._last = 0, 0.0, time.monotonic()
+        self._put = ByHand(source.parts)
+        self._due, self._last = 0.0, time.monotonic()
         self._taken, self._since = 0, time.monotonic()
         self._shown = list(source.shown)
         self._trails: dict[str, deque[np.ndarray]] = {}
@@ -134,7 +135,7 @@ class Session:
             for knob in self.source.knobs:
                 groups.setdefault(knob.group, []).append(knob)
             for name in self.peaks:
-                groups[name] = self._peak_knobs(name)
+                groups[name] = self._put.knobs(name)
             return groups
 
     def get(self, group: str, name: str) -> float:
@@ -178,54 +179,19 @@ class Session:
         """
         with self.lock:
             part = self._part(label)
-            place = self._place(part, position)
-            for name, (where, peak) in self.peaks.items():
-                if where == label and peak.holds(place):
-                    del self.peaks[name]
-                    self._apply(part)
-                    return None
-            self._count += 1
-            name = f"input {self._count} ({label})"
-            self.peaks[name] = label, peak_for(part.part, part.shape, place)
-            self._apply(part)
-            return name
+            self._changed()
+            return self._put.touch(part, position)
 
     def clear(self) -> None:
         """Take away all inputs that were put by hand."""
         with self.lock:
-            self.peaks.clear()
+            self._put.clear()
             self._changed()
-            for part in self.source.parts.values():
-                self._apply(part)
 
-    def _place(self, part: Watched, position: Sequence[float]) -> list[float]:
-        place = [float(x) for x in position]
-        if len(part.shape) == 3 and len(place) == 2:  # shown along the first axis
-            place = [float(self._largest(part)), *place]
-        inside = all(-0.5 <= x <= n - 0.5 for x, n in zip(place, part.shape))
-        if len(place) != len(part.shape) or not inside:
-            raise ValueError(
-                f"position={list(position)} is no place in {part.label!r} of shape {part.shape}: "
-                "give a site for each axis, from 0"
-            )
-        return [min(max(x, 0.0), n - 1.0) for x, n in zip(place, part.shape)]
-
-    def _largest(self, part: Watched) -> int:
-        return int(part.activation().amax((-1, -2)).argmax())
-
-    def _peak_knobs(self, name: str) -> list[Knob]:
-        def write(peak: Peak) -> None:
-            peak.tensor()  # may refuse
-            label, _ = self.peaks[name]
-            self.peaks[name] = label, peak
-            self._apply(self.source.parts[label])
-
-        return peak_knobs(name, lambda: self.peaks[name][1], write)
-
-    def _apply(self, part: Watched) -> None:
-        peaks = [peak.tensor() for label, peak in self.peaks.values() if label == part.label]
-        part.added = sum(peaks[1:], peaks[0]) if peaks else None
-        self._changed()
+    @property
+    def peaks(self) -> dict[str, tuple[str, Peak]]:
+        """Inputs put by hand, by name: where, and what."""
+        return self._put.peaks
 
     def _part(self, label: str) -> Watched:
         if label not in self.source.parts:
