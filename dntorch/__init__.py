@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from dntorch.cells.readout import peaks
     from dntorch.cells.stimuli import gauss
     from dntorch.dynamics import Dynamics
+    from dntorch.live.serving import view
     from dntorch.modules.architecture import Architecture, Link
     from dntorch.modules.behaviors import ElementaryBehaviors
     from dntorch.modules.constraints import Constraints
@@ -95,6 +96,7 @@ else:  # the same, later
             "rate_code": "cells.codes",
             "rollout": "through_time",
             "space_code": "cells.codes",
+            "view": "live.serving",
         },
     )
 
@@ -142,4 +144,5 @@ __all__ = [
     "rate_code",
     "rollout",
     "space_code",
+    "view",
 ]

@@ -8,7 +8,7 @@ EXTRAS = {
     "serial": "robot",
     "onnx": "export", "onnxscript": "export", "executorch": "executorch",
     "scipy": "stats", "statsmodels": "stats",
-    "torchrl": "rl", "tensorboard": "log", "ray": "ray", "submitit": "slurm",
+    "torchrl": "rl", "bokeh": "view", "tensorboard": "log", "ray": "ray", "submitit": "slurm",
 }  # fmt: skip
 """The extra of ``pip install 'dntorch[EXTRA]'`` that brings a package, by what is imported."""
 

@@ -14,6 +14,7 @@ from dntorch.commands.program import Program
 from dntorch.commands.reproduce import reproduce
 from dntorch.commands.robot import robot
 from dntorch.commands.sweep import sweep
+from dntorch.commands.view import view
 
 
 def _print_version(context: click.Context, _: click.Parameter, asked: bool) -> None:
@@ -38,5 +39,5 @@ def dntorch() -> None:
     """Neural dynamics that learn behaviour."""
 
 
-for command in (learn, reproduce, beyond, sweep, export, verify, robot, emulate):
+for command in (learn, reproduce, beyond, sweep, export, verify, robot, emulate, view):
     dntorch.add_command(command)

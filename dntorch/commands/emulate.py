@@ -9,7 +9,7 @@ import click
 
 from dntorch.colors import PAPER
 from dntorch.commands.common import Computing, progress_bar, refuse_options
-from dntorch.commands.kinds import Parsed, whole
+from dntorch.commands.kinds import HOST, whole
 from dntorch.commands.options import COLORS, MISSING
 from dntorch.commands.target import CAMERA, FAULT, LAYOUT, PACING, PROTOCOL, build_emulator
 from dntorch.extras import require
@@ -18,14 +18,6 @@ from dntorch.process import end_when_asked
 if TYPE_CHECKING:
     from dntorch.robot.emulated.emulator import Emulator
     from dntorch.robot.emulated.servers import Server
-
-
-def _host(name: str) -> str:
-    from dntorch.robot.transports import is_host
-
-    if not is_host(name):
-        raise ValueError("give a name or an address of this machine, such as 0.0.0.0 for all")
-    return name
 
 
 @click.command(cls=Computing)
@@ -47,9 +39,7 @@ def _host(name: str) -> str:
     default="",
     help="Colors that no block has; in their places stand others.",
 )
-@click.option(
-    "--host", type=Parsed(_host), default="127.0.0.1", show_default=True, help="Where to listen."
-)
+@click.option("--host", type=HOST, default="127.0.0.1", show_default=True, help="Where to listen.")
 @click.option("--port", type=whole(0, 65535), default=0, help="TCP port.  [default: a free one]")
 @click.option("--pty", is_flag=True, help="A pseudo-terminal instead of a TCP port.")
 @click.pass_context

@@ -110,6 +110,18 @@ def once(given: Iterable[tuple[str, Any]], option: str, remedy: str) -> None:
         names.add(name)
 
 
+def _host(name: str) -> str:
+    from dntorch.robot.transports import is_host
+
+    if not is_host(name):
+        raise ValueError("give a name or an address of this machine, such as 0.0.0.0 for all")
+    return name
+
+
+HOST = Parsed(_host)
+"""A name or an address to listen on."""
+
+
 # ------------------------------------------------------------------ places
 
 

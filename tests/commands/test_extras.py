@@ -69,6 +69,8 @@ def test_the_cli_alone_trains_without_a_camera_and_writes_its_report(tmp_path: P
         ("robot calibrate --to new --virtual", "cv2"),
         ("robot calibrate --to new --connect serial:///dev/ttyACM0", "serial"),
         ("robot calibrate image.png --to new", "cv2"),
+        ("view run", "bokeh"),
+        ("view run", "gymnasium"),
         ("emulate", "gymnasium"),
         ("emulate", "cv2"),
         ("emulate", "tqdm"),

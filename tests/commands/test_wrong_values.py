@@ -22,6 +22,7 @@ NEEDED = {
     "verify": ["{folder}"],
     "robot run": ["{folder}"],
     "robot calibrate": ["--to", "{new}"],
+    "view": ["{folder}"],
 }
 
 #: Of options with a grammar of their own.
@@ -40,6 +41,7 @@ WRONG = {
     "--lines": ["", ";", "a;;b"],
     "--missing": ["X", "BB", "b", "B,Y"],
     "--then": ["GX", "G", "GG", "GB" * 1000],
+    "target": ["none", "", "{file}/x", "a" * 300, "a\0b"],
     "--sequence": ["GX", "G", "GG", "", "GB" * 1000],
 }  # fmt: skip
 

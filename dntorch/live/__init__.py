@@ -1,0 +1,1 @@
+"""A structure while it runs: stepped in a session, drawn on a page in the browser."""
