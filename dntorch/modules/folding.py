@@ -38,8 +38,8 @@ class Folded(Dynamics[dict[str, Tensor]]):
 
     u: Tensor
     matrix: Tensor
+    constant: Tensor
     rest: Tensor
-    start: Tensor
     rate: Tensor
     steepness: Tensor
     threshold: Tensor
@@ -74,8 +74,8 @@ class Folded(Dynamics[dict[str, Tensor]]):
             levels = over([part.h for part in parts])
             each = {
                 "matrix": torch.cat([_column(whole, silent, x) for x in self._labels], -1),
-                "rest": _reaching(whole, silent | acting, none) + levels,
-                "start": levels,
+                "constant": _reaching(whole, silent | acting, none) + levels,
+                "rest": levels,
                 "rate": over([part.dt / part.tau for part in parts]),
                 "steepness": over([part.steepness for part in parts]),
                 "threshold": over([part.threshold for part in parts]),
@@ -87,7 +87,7 @@ class Folded(Dynamics[dict[str, Tensor]]):
             }
         for name, tensor in each.items():
             self.register_buffer(name, tensor.to(self.origin), persistent=False)
-        self.register_buffer("u", self.start.clone(), persistent=False)
+        self.register_buffer("u", self.rest.clone(), persistent=False)
 
     # ------------------------------------------------------------- state
 
@@ -130,7 +130,7 @@ class Folded(Dynamics[dict[str, Tensor]]):
         return self._apart(flat["u"])
 
     def initial(self, batch: list[int]) -> dict[str, Tensor]:
-        return self._apart(self.start.expand(batch + [self.start.shape[0]]).clone())
+        return self._apart(self.rest.expand(batch + [self.rest.shape[0]]).clone())
 
     @torch.jit.export
     def reset(self) -> None:
@@ -157,13 +157,14 @@ class Folded(Dynamics[dict[str, Tensor]]):
                 )
             check_ends(label, given, self._shapes[label])
         u = self._together(state)
-        target = linear(self._rate(u), self.matrix, self.rest)
+        target = linear(self._output(u), self.matrix, self.constant)
         if len(inputs) > 0:
             target = target + self._drive(inputs)
         ahead = u.lerp(target, self.rate)
-        return self._apart(self._rate(ahead)), self._apart(ahead)
+        return self._apart(self._output(ahead)), self._apart(ahead)
 
-    def _rate(self, u: Tensor) -> Tensor:
+    def _output(self, u: Tensor) -> Tensor:
+        """`sigmoid` with a steepness and a threshold per site, of which it takes one for all."""
         if self.kind == "logistic":
             return torch.sigmoid(self.steepness * (u - self.threshold))
         if self.kind == "semilinear":
@@ -175,14 +176,12 @@ class Folded(Dynamics[dict[str, Tensor]]):
     def _drive(self, inputs: dict[str, Tensor]) -> Tensor:
         """What is given by hand, as it reaches the sites of all fields."""
         reaching: list[Tensor] = []
-        batch = list(self.start.shape[:0])
         for k, label in enumerate(self._labels):
             if label in inputs:
                 x = inputs[label]
-                batch = list(x.shape[: x.dim() - len(self._all[k])])
-                own = x.reshape(batch + [self._sizes[k]])
+                own = x.reshape(list(x.shape[: x.dim() - len(self._all[k])]) + [self._sizes[k]])
             else:
-                own = self.start.new_zeros([self._sizes[k]])
+                own = self.rest.new_zeros([self._sizes[k]])
             reaching.append(own)
         widest = reaching[0].shape[:-1]
         for own in reaching:
@@ -229,7 +228,8 @@ def refuse_what_cannot_be_folded(whole: Architecture) -> None:
         if any(isinstance(x, Tensor) and x.dim() for x in (element.part.tau, element.part.h)):
             left.append(f"{element.label!r} has numbers per agent")
     if sites**2 > LARGEST:
-        left.append(f"{sites} sites are too many for a matrix")
+        most = math.isqrt(LARGEST)
+        left.append(f"{sites} sites are too many for a matrix, which may have {most}")
     if left:
         raise ValueError(f"fold() cannot fold this: {'; '.join(left)}; step it as it is")
 
