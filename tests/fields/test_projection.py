@@ -128,7 +128,7 @@ def test_a_kernel_is_set_and_learned():
         (("x -> x", 5, 6, Gauss(1.0, 1.0)), r"sizes \[5\] become \[6\]: give Matrices"),
         (("x -> x", 5, 6, Matrices((torch.ones(5, 6),))), r"give \[\[6, 5\]\]"),
         (("x -> y", 5, 6, Matrices((torch.ones(6, 5),))), "alike on both sides"),
-        (("r g -> r+g", (4, 7), 11), "r.g of 11 sites does not fit: give 10"),
+        (("r g -> r+g", (4, 7), 11), "r.g of 11 sites does not fit 4 and 7: give 10"),
         (("r+g -> r g", 11, (4, 7)), "r.g of 11 sites does not fit 4 and 7: give 10"),
         (("r+g -> r x", 10, (4, 7)), "must stand on the other side"),
         (("a b c d -> a b c d", (2,) * 4, (2,) * 4), "more than three axes"),
