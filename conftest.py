@@ -27,6 +27,7 @@ os.environ["PYTHONWARNINGS"] = ",".join(["error", *EXEMPT])
 
 #: Tests that may be skipped, and why: nothing else is skipped unseen by `make test`.
 MAY_SKIP = {
+    "tests/cosivina/test_public_files.py": "third-party models, not part of this repository",
     "tests/envs/test_nodes.py": "one test needs a C++ compiler",
     "tests/envs/test_ring.py": "one test needs a GPU",
     "tests/live/test_page.py": "needs Chromium",
