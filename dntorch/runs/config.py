@@ -212,7 +212,8 @@ def kept_config(values: Any, path: Path) -> Config:
 
 
 AUTONOMOUS: dict[str, Any] = {
-    "noise": 0.2, "learning_rate": 0.2, "habituation": 4, "patience": 20.0, "constraints": 20.0
+    "noise": 0.2, "learning_rate": 0.2, "habituation": 4, "recovery": 600.0, "patience": 20.0,
+    "constraints": 20.0,
 }  # fmt: skip
 """One set of numbers for an agent without phases: small noise all its life, which yields to what
 was learned and prefers what is fresh; an end to what is in vain, which is remembered."""
