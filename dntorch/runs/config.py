@@ -160,7 +160,8 @@ class Config:
                 )
         if self.change >= self.steps:
             raise ValueError(f"change={self.change}: give a step before steps={self.steps}")
-        if self.recovery != FIELDS["recovery"].default and self.habituation < 0:
+        unasked = FIELDS["recovery"].default, AUTONOMOUS["recovery"]
+        if self.recovery not in unasked and self.habituation < 0:
             raise ValueError(f"recovery={self.recovery} of no habituation: give habituation, too")
         check_missing(self.missing, self.colors)
         if self.constraints and not self.patience:
