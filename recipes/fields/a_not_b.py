@@ -55,22 +55,31 @@ def main() -> None:
     ends = outputs["reach"][last]  # at the end of each reach
     reached = torch.where(ends[..., A] > ends[..., B], A, B)
     names = ["A" if x == A else "B" for x in reached[-1].tolist()]
-    print(f"six reaches to A, then hidden at B: the young one reaches to {names[0]}, the old one "
-          f"to {names[1]}; trace at A {states['trace'][-1, 0, A]:.2f} and "
-          f"{states['trace'][-1, 1, A]:.2f}")  # fmt: skip
+    print(
+        f"six reaches to A, then hidden at B: the young one reaches to {names[0]}, the old one "
+        f"to {names[1]}; trace at A {states['trace'][-1, 0, A]:.2f} and "
+        f"{states['trace'][-1, 1, A]:.2f}"
+    )
     assert (reached[:6] == A).all() and (ends.amax(-1) > 0.9).all(), "no reach to A"
     assert names == ["A", "B"], "no A-not-B error, or no end to it"
 
-    figure = Figure(figsize=(7, 4), layout="constrained")
+    figure = Figure(figsize=(7, 3.2), layout="constrained")
     for row, axes in enumerate(figure.subplots(2, 1, sharex=True)):
-        image = axes.imshow(states["reach"][:, row].t(), origin="lower", aspect="auto",
-                            cmap="RdBu_r", extent=(0, len(inputs) / 32, 0, SITES),
-                            vmin=-12, vmax=12)  # fmt: skip
-        axes.set(title=[*AGES][row], ylabel="position (sites)", yticks=[A, B],
-                 yticklabels=["A", "B"])  # fmt: skip
+        image = axes.imshow(
+            states["reach"][:, row].t().numpy(),
+            origin="lower",
+            aspect="auto",
+            cmap="RdBu_r",
+            extent=(0, len(inputs) / 32, 0, SITES),
+            vmin=-12,
+            vmax=12,
+        )
+        axes.set(
+            title=[*AGES][row], ylabel="position (sites)", yticks=[A, B], yticklabels=["A", "B"]
+        )
     axes.set_xlabel("time (s); in the last trial the toy is hidden at B")
     figure.colorbar(image, ax=figure.axes, label="activation u")
-    figure.savefig(arguments.out, dpi=80)
+    figure.savefig(arguments.out, dpi=64)
 
 
 if __name__ == "__main__":

@@ -41,8 +41,10 @@ def main() -> None:
     forgotten = strength[on.nonzero()[-1, 0]].item()
     jump = (top[1:] - top[:-1]).max().item() * 32
     creep = (top[half // 4] - top[half // 8]).item() / (half // 8) * 32
-    print(f"detected at {detected:.1f}, forgotten at {forgotten:.1f}; "
-          f"activation jumps with {jump:.0f} per s, and creeps with {creep:.1f} before")  # fmt: skip
+    print(
+        f"detected at {detected:.1f}, forgotten at {forgotten:.1f}; "
+        f"activation jumps at {jump:.0f} per s, creeps at {creep:.1f} before"
+    )
     assert detected > forgotten + 1, "no hysteresis"
     assert jump > 10 * creep, "no jump"
 
@@ -52,15 +54,15 @@ def main() -> None:
     loop.plot(strength[half:], top[half:], "C0", label="while it shrinks")
     loop.axhline(0, color="gray", lw=0.7)
     loop.set(xlabel="strength of the stimulus", ylabel="highest activation")
-    loop.legend(frameon=False)
+    loop.legend(frameon=False, loc="lower right")
     same = int((up - (detected + forgotten) / 2).abs().argmin())
     profile.plot(inputs[same] - 5, "gray", ls=":", label="stimulus and resting level")
     profile.plot(states.u[same], "C3", label="before the detection")
     profile.plot(states.u[-1 - same], "C0", label="after it, same stimulus")
     profile.axhline(0, color="gray", lw=0.7)
-    profile.set(xlabel="position (sites)", ylabel="activation u")
+    profile.set(xlabel="position (sites)", ylabel="activation u", ylim=(-9, 14))
     profile.legend(frameon=False)
-    figure.savefig(arguments.out, dpi=80)
+    figure.savefig(arguments.out, dpi=72)
 
 
 if __name__ == "__main__":

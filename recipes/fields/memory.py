@@ -39,20 +39,29 @@ def main() -> None:
     site = torch.arange(SITES // 2)
     found = [float((x * site).sum() / x.sum()) + k * SITES // 2 for k, x in enumerate(halves)]
     drift = max(abs(a - b) for a, b in zip(found, PLACES))
-    print(f"{(STEPS - SHOWN) / 32:.1f} s in the dark: output {faded:.2f} at h = {LEVELS[0]}, "
-          f"{kept:.2f} at h = {LEVELS[1]}, peaks {drift:.2f} sites from their stimuli")  # fmt: skip
+    print(
+        f"{(STEPS - SHOWN) / 32:.1f} s in the dark: output {faded:.2f} at h = {LEVELS[0]}, "
+        f"{kept:.2f} at h = {LEVELS[1]}, peaks {drift:.2f} sites from their stimuli"
+    )
     assert outputs[SHOWN - 1].amax(-1).min() > 0.9, "not detected"
     assert faded < 0.1 and kept > 0.9, "no working memory"
     assert drift < 1, "moved"
 
     figure = Figure(figsize=(7, 2.6), layout="constrained")
     for row, axes in enumerate(figure.subplots(1, 2)):
-        image = axes.imshow(states.u[:, row].t(), origin="lower", aspect="auto", cmap="RdBu_r",
-                            extent=(0, STEPS / 32, 0, SITES), vmin=-10, vmax=10)  # fmt: skip
+        image = axes.imshow(
+            states.u[:, row].t().numpy(),
+            origin="lower",
+            aspect="auto",
+            cmap="RdBu_r",
+            extent=(0, STEPS / 32, 0, SITES),
+            vmin=-10,
+            vmax=10,
+        )
         axes.axvline(SHOWN / 32, color="black", lw=0.8, ls=":")
         axes.set(title=f"h = {LEVELS[row]}", xlabel="time (s)", ylabel="position (sites)")
     figure.colorbar(image, ax=axes, label="activation u")
-    figure.savefig(arguments.out, dpi=80)
+    figure.savefig(arguments.out, dpi=72)
 
 
 if __name__ == "__main__":

@@ -44,8 +44,10 @@ def main() -> None:
     share = ends[..., RIGHT].float().mean(0)
     kept = ((later[-1] > 0.5)[..., RIGHT] == ends[..., RIGHT]).float().mean().item()
     told = ", ".join(f"{x:.0%}" for x in share)
-    print(f"one peak in {single:.0%} of the trials; the right one in {told} if it is ahead by "
-          f"0, .5, 1, 1.5; {kept:.0%} stay when the other becomes stronger")  # fmt: skip
+    print(
+        f"one peak in {single:.0%} of the trials; the right one in {told} if it is ahead by "
+        f"0, .5, 1, 1.5; {kept:.0%} stay when the other becomes stronger"
+    )
     assert single == 1, "no selection"
     assert abs(share[0] - 0.5) < 0.2 and share[-1] > 0.9, "not by strength"
     assert kept > 0.9, "not stable"
@@ -61,7 +63,7 @@ def main() -> None:
     runs.axhline(0, color="gray", lw=0.7)
     runs.set(xlabel="time (s), equal stimuli", ylabel="activation u")
     runs.legend(frameon=False)
-    figure.savefig(arguments.out, dpi=80)
+    figure.savefig(arguments.out, dpi=72)
 
 
 if __name__ == "__main__":

@@ -51,12 +51,19 @@ def main() -> None:
 
     figure = Figure(figsize=(7, 2.4), layout="constrained")
     for shift, u, axes in zip(SHIFTS, pictures, figure.subplots(1, 4, sharey=True)):
-        image = axes.imshow(u.t(), origin="lower", aspect="auto", cmap="RdBu_r",
-                            extent=(0, STEPS / 32, 0, SITES), vmin=-12, vmax=12)  # fmt: skip
+        image = axes.imshow(
+            u.t().numpy(),
+            origin="lower",
+            aspect="auto",
+            cmap="RdBu_r",
+            extent=(0, STEPS / 32, 0, SITES),
+            vmin=-12,
+            vmax=12,
+        )
         axes.set(title=f"shift {shift:+.1f}", xlabel="time (s)")
     figure.axes[0].set_ylabel("position (sites)")
     figure.colorbar(image, ax=figure.axes, label="activation u")
-    figure.savefig(arguments.out, dpi=80)
+    figure.savefig(arguments.out, dpi=72)
 
 
 if __name__ == "__main__":
