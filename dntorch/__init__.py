@@ -9,11 +9,15 @@ Each name is imported, and PyTorch with it, when it is first asked for.
 
 from typing import TYPE_CHECKING
 
-from dntorch import envs
+from dntorch import cosivina, envs
 from dntorch.lazy import later
 
 if TYPE_CHECKING:
+    from dntorch import losses, plots
+    from dntorch.analysis import fixed_points
+    from dntorch.cells.codes import rate_code, space_code
     from dntorch.cells.kernels import Gauss, Global, Matrices
+    from dntorch.cells.readout import peaks
     from dntorch.cells.stimuli import gauss
     from dntorch.dynamics import Dynamics
     from dntorch.modules.architecture import Architecture, Link
@@ -42,7 +46,7 @@ if TYPE_CHECKING:
     from dntorch.modules.working_memory import ItemOrderWM
     from dntorch.noise import Exploration
     from dntorch.number import Number
-    from dntorch.rollout import rollout
+    from dntorch.through_time import rollout
     from dntorch.version import __version__ as __version__
 else:  # the same, later
     __getattr__, __dir__ = later(
@@ -81,8 +85,14 @@ else:  # the same, later
             "ValueNodes": "modules.value",
             "ValueOpposition": "modules.opposition",
             "__version__": "version",
+            "fixed_points": "analysis",
             "gauss": "cells.stimuli",
-            "rollout": "rollout",
+            "losses": "losses",
+            "peaks": "cells.readout",
+            "plots": "plots",
+            "rate_code": "cells.codes",
+            "rollout": "through_time",
+            "space_code": "cells.codes",
         },
     )
 
@@ -119,7 +129,14 @@ __all__ = [
     "TPCell",
     "ValueNodes",
     "ValueOpposition",
+    "cosivina",
     "envs",
+    "fixed_points",
     "gauss",
+    "losses",
+    "peaks",
+    "plots",
+    "rate_code",
     "rollout",
+    "space_code",
 ]

@@ -1,5 +1,7 @@
 """What inputs and parameters must be; each sentence names argument, value and remedy."""
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -67,3 +69,42 @@ def check_states(n: int, states: int | None) -> int:
             f"states={states} is no multiple of n={n}: give n, or the states of a Recall(n)"
         )
     return states
+
+
+def check_finite_number(name: str, number: float) -> None:
+    """Raise unless it is one finite number."""
+    whole = isinstance(number, int | float) and not isinstance(number, bool)
+    if not whole or not math.isfinite(number):
+        raise ValueError(f"{name}={number!r} is not finite: give a number")
+
+
+def check_real(name: str, tensor: Tensor) -> None:
+    """Raise unless it is a tensor of floats."""
+    if not isinstance(tensor, Tensor):
+        refuse_input(name, tensor)
+    if not tensor.is_floating_point():
+        raise TypeError(f"{name} of dtype {tensor.dtype} has no floats: give {name}.float()")
+
+
+def check_no_nan(name: str, tensor: Tensor) -> None:
+    """Raise if a number is NaN, where `count` sees any."""
+    bad = count(tensor.isnan())
+    if bad:
+        raise ValueError(f"{name} has {bad} NaN of {tensor.numel()} numbers: mend what made them")
+
+
+def check_within(name: str, tensor: Tensor, low: float, high: float) -> None:
+    """Raise unless all numbers are in a range, where `count` sees any."""
+    if count(~((tensor >= low) & (tensor <= high))):
+        worst = max(tensor.detach().flatten().tolist(), key=lambda x: max(low - x, x - high))
+        raise ValueError(f"{name}={worst} is out of range: give {low} to {high}")
+
+
+def count(bad: Tensor) -> int:
+    """How many are bad; 0 under `compile`, `export` and `vmap`, which see no numbers."""
+    if torch.compiler.is_compiling() or torch.jit.is_tracing():
+        return 0
+    try:
+        return int(bad.sum())
+    except RuntimeError:  # of vmap
+        return 0

@@ -12,7 +12,7 @@ def later(
 
     Args:
         package: its ``__name__``.
-        homes: for each name, the module of the package that holds it.
+        homes: for each name, the module of the package that holds it; a module holds itself.
     """
     module = sys.modules[package]
 
@@ -21,7 +21,8 @@ def later(
             raise AttributeError(
                 f"module {package!r} has no attribute {name!r}", name=name, obj=module
             )
-        value = getattr(import_module(f"{package}.{homes[name]}"), name)
+        home = import_module(f"{package}.{homes[name]}")
+        value = getattr(home, name, home) if name == homes[name] else getattr(home, name)
         setattr(module, name, value)  # the next time it is there
         return value
 

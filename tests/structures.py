@@ -181,6 +181,12 @@ def fields(order=None):
     )
 
 
+def folded():
+    parts = {"u": DNF(6), "v": DNF((2, 3), Gauss(4.0, 1.0)), "sum": Relay(3)}
+    links = ("u", "sum", "x -> y", 0.1), ("sum", "v", "x -> y x"), ("v", "u", "y x -> z")
+    return Architecture(parts, *links).fold()
+
+
 LATE = ["scene", "u -> u", "memory", "keys", "gate", "sum"]
 GIVEN = some(**{"scene": strong(4, 6), "cue": unit(6), "u -> u": strong(6)})
 BEYOND = (
@@ -195,6 +201,7 @@ CASES = {
     "MemoryTrace": Case(lambda: MemoryTrace((2, 3)), (unit(2, 3),), ("trace",)),
     "Architecture": Case(fields, (GIVEN,), ("elements.memory.part.trace",)),
     "Architecture in order": Case(lambda: fields(LATE), (GIVEN,), ("elements.memory.part.trace",)),
+    "Architecture, folded": Case(folded, (some(u=strong(6), sum=unit(3)),)),
     "NodeWTA": Case(lambda: NodeWTA(N), (strong(N),)),
     "TPCell": Case(lambda: TPCell(PAIRS), (unit(*PAIRS),)),
     "ItemOrderWM": Case(lambda: ItemOrderWM(N), (signed(*PAIRS),)),

@@ -54,14 +54,6 @@ def test_studies_print_a_line_a_point(name: str, lines: int, options: str, tmp_p
     assert name == "evidence/controls.py" or written.with_suffix(".png").exists()
 
 
-def test_the_agent_beyond_the_paper_prints_a_line_a_variant(tmp_path: Path) -> None:
-    budget = ["change", "missing", "constraints", "--runs", "2", "--steps", "300"]
-    printed = run("evidence/beyond.py", *budget, "--processes", 1, "--out", tmp_path, **PLAIN)
-    assert len(re.findall(r"^.{32,36} \{'runs': 2, ", printed, re.MULTILINE)) == 9
-    content = json.loads((tmp_path / "change.json").read_text())
-    assert content["lines"]["autonomous"]["discrete"]["to_relearn"] is None
-
-
 def test_fairness_prints_a_line_a_size(tmp_path: Path) -> None:
     budget = ["--sizes", "2", "4", "--steps", "400"]
     printed = run("evidence/exploration.py", *budget, "--out", tmp_path, **PLAIN)

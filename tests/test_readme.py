@@ -8,7 +8,7 @@ import pytest
 from needs import needs
 
 ROOT = Path(__file__).parents[1]
-PAGES = ["own.md", "export.md", "beyond.md"]
+PAGES = ["own.md", "export.md", "beyond.md", "fields.md"]
 
 
 def blocks_of(page: Path) -> list[str]:

@@ -1,6 +1,6 @@
 """Output functions: from activation to firing rate, elementwise; and what a firing rate says.
 
-All output functions but `rectified` and `semilinear` run from 0 to 1 and are 1/2 at
+All output functions but `rectified`, `semilinear` and ``linear`` run from 0 to 1 and are 1/2 at
 ``threshold``.
 """
 
@@ -49,7 +49,7 @@ def semilinear(u: Tensor, steepness: float, threshold: float) -> Tensor:
     return torch.relu(steepness * (u - threshold))
 
 
-KINDS = ("abs", "logistic", "heaviside", "semilinear")
+KINDS = ("abs", "logistic", "heaviside", "semilinear", "linear")
 
 
 def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
@@ -62,8 +62,11 @@ def sigmoid(u: Tensor, kind: str, steepness: float, threshold: float) -> Tensor:
         return heaviside(u, threshold)
     if kind == "semilinear":
         return semilinear(u, steepness, threshold)
+    if kind == "linear":
+        return steepness * (u - threshold)
     raise ValueError(
-        f"kind='{kind}' is no sigmoid: choose 'abs', 'logistic', 'heaviside' or 'semilinear'"
+        f"kind='{kind}' is no output function: choose 'abs', 'logistic', 'heaviside', "
+        "'semilinear' or 'linear'"
     )
 
 

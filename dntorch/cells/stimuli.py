@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.kernels import per_axis
+from dntorch.checks import count
 from dntorch.number import Number, span
 
 
@@ -65,7 +66,7 @@ def gauss(
 def _check_number(name: str, number: Number) -> None:
     if isinstance(number, (bool, str)) or not isinstance(number, (int, float, Tensor)):
         raise ValueError(f"{name}={number!r} is no number: give a float, or a tensor (*batch,)")
-    if not torch.as_tensor(number).isfinite().all():
+    if count(~torch.as_tensor(number).isfinite()):
         raise ValueError(f"{name}={number} is not finite: give numbers")
     if name == "sigma" and not span(number)[0] > 0:
         raise ValueError(f"sigma={number} must be positive: give a width in sites")

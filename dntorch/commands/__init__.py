@@ -6,6 +6,7 @@ No file imports PyTorch or NumPy before its command runs: help and completion an
 import click
 
 import dntorch as library
+from dntorch.commands.beyond import beyond
 from dntorch.commands.emulate import emulate
 from dntorch.commands.export import export, verify
 from dntorch.commands.learn import learn
@@ -37,5 +38,5 @@ def dntorch() -> None:
     """Neural dynamics that learn behaviour."""
 
 
-for command in (learn, reproduce, sweep, export, verify, robot, emulate):
+for command in (learn, reproduce, beyond, sweep, export, verify, robot, emulate):
     dntorch.add_command(command)

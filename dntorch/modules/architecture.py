@@ -1,7 +1,7 @@
 """Architectures of fields: any number of them, coupled by links."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -14,6 +14,9 @@ from dntorch.modules.field import sites
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay
 from dntorch.modules.wiring import backward, escaped, in_order
+
+if TYPE_CHECKING:
+    from dntorch.modules.folding import Folded
 
 
 class Link(NamedTuple):
@@ -91,6 +94,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         parts = _checked(elements)
         members = [part for part in parts.values() if isinstance(part, Dynamics)]
         super().__init__(members[0].dt)
+        self.to(members[0].origin.dtype)
         stimuli = {label: _value(label, x) for label, x in (inputs or {}).items()}
         for label in stimuli.keys() & parts.keys():
             raise ValueError(f"inputs has {label!r}, which is an element, too: give another name")
@@ -117,7 +121,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
             else:
                 element = Member(label, part, _entry_of(label, part), arms[label])
             self.elements[escaped(label)] = element
-        self.to(next(iter(members)).origin.dtype)
+        self.to(self.origin.dtype)
 
     # ------------------------------------------------------------- links
 
@@ -144,9 +148,8 @@ class Architecture(Dynamics[dict[str, Tensor]]):
                 names = " ".join(f"a{k}" for k in range(len(target)))
                 projection = f"{names} -> {names}"
             if isinstance(projection, str):
-                projection = Projection(
-                    projection, source, target, link.kernel, link.border, link.reduce
-                )
+                how = {"border": link.border, "reduce": link.reduce, "dtype": self.origin.dtype}
+                projection = Projection(projection, source, target, link.kernel, **how)
         except ValueError as error:
             raise ValueError(f"link {_told(link)}: {error}") from error
         if [projection.source, projection.target] != [source, target]:
@@ -180,6 +183,17 @@ class Architecture(Dynamics[dict[str, Tensor]]):
     def labels(self) -> Iterator[str]:
         """Names of all elements and inputs."""
         return iter(self._shapes)
+
+    def fold(self) -> "Folded":
+        """The same with one matrix for all couplings, several times as fast; see `Folded`.
+
+        Raises:
+            ValueError: names what cannot be folded: products, maxima, an order, sub-steps, traces,
+                nodes, and more sites than a matrix should have.
+        """
+        from dntorch.modules.folding import Folded  # which is built on this file
+
+        return Folded(self)
 
     # ------------------------------------------------------------- state
 

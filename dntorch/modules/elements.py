@@ -117,6 +117,7 @@ class Member(Element):
 class Passing(Element):
     """A relay; ``kept`` if one that steps before it reads it, a step late."""
 
+    shape: list[int]
     shown: Tensor
 
     def __init__(self, label: str, relay: Relay, arms: list[Arm], kept: bool) -> None:

@@ -29,8 +29,8 @@ class DNF(Kernelled, Dynamics[FieldState]):
                                                are on at rest, as biased models want
     :math:`\omega`  ``kernel``           1     terms that add up: `Gauss`, `Global`, `Matrices`;
                                                signed, negative amplitudes inhibit
-    :math:`f`       ``kind``             1     output: "logistic", "abs", "heaviside", or
-                                               "semilinear", which has no bound
+    :math:`f`       ``kind``             1     output: "logistic", "abs", "heaviside",
+                                               "semilinear" or "linear", without bound
     :math:`\beta`   ``steepness``        1     of the sigmoid
     :math:`\mu`     ``threshold``        1     of the sigmoid
     \               ``border``           --    "circular" or "zero", one for all or one per axis

@@ -28,7 +28,7 @@ class Kernelled:
         if self.everywhere.is_meta:
             return self._terms
         matrices, everywhere = self._assembled(self._terms)
-        built, stacks = [*matrices, torch.as_tensor(everywhere)], self._stacks()
+        built, stacks = [*matrices, _wide(everywhere)], self._stacks()[: len(matrices)]
         # In float32: what was rounded to it and moved to float64 is the same kernel.
         pairs = zip(built, [*stacks, self.everywhere])
         if all(torch.equal(x.to(y).float(), y.float()) for x, y in pairs):
@@ -42,7 +42,7 @@ class Kernelled:
         terms = self._terms_of(kernel)
         matrices, everywhere = self._assembled(terms)  # may refuse
         self._terms = terms
-        self._place("everywhere", torch.as_tensor(everywhere).to(self.origin))
+        self._place("everywhere", _wide(everywhere).to(self.origin))
         for axis in range(3):
             stack = matrices[axis] if axis < len(matrices) else torch.empty(0)
             self._place(f"kernel_{axis}", stack.to(self.origin))
@@ -60,3 +60,8 @@ class Kernelled:
 
     def _stacks(self) -> list[Tensor]:
         return [self.kernel_0, self.kernel_1, self.kernel_2][: len(self.shape)]
+
+
+def _wide(number: float | Tensor) -> Tensor:
+    """A number in float64, as matrices are built; a plain `as_tensor` rounds it to float32."""
+    return torch.as_tensor(number, dtype=torch.float64)

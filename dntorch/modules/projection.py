@@ -154,13 +154,18 @@ class Projection(Kernelled, Parameters):
             x = x.unsqueeze(place)
         return x.expand(batch + self.target)
 
+    @property
+    def reduces(self) -> bool:
+        """Whether an axis or a diagonal is reduced."""
+        return len(self._reduced) + len(self._shear) > 0
+
     def transpose(self) -> "Projection":
         """The projection backwards: the adjoint, ``(P x) . y == x . (P.transpose() y)``.
 
         Raises:
             ValueError: the projection takes a maximum or a minimum, which has none.
         """
-        if self.reduce not in ("sum", "mean") and self._reduced + self._shear:
+        if self.reduce not in ("sum", "mean") and self.reduces:
             raise ValueError(f"reduce={self.reduce!r} has no adjoint: give 'sum' or 'mean'")
         if self.reduce == "mean" and self._shear:
             raise ValueError("reduce='mean' over diagonals has no adjoint here: give 'sum'")

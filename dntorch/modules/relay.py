@@ -42,8 +42,8 @@ class Relay(nn.Module):
         self.shape = sites(shape)
         if combine not in COMBINE:
             raise ValueError(f"combine={combine!r} is unknown: choose from {COMBINE}")
-        if kind not in ("linear", *KINDS):
-            raise ValueError(f"kind={kind!r} is unknown: choose from {('linear', *KINDS)}")
+        if kind not in KINDS:
+            raise ValueError(f"kind={kind!r} is unknown: choose from {KINDS}")
         self.combine, self.kind = combine, kind
         self.steepness, self.threshold = float(steepness), float(threshold)
 

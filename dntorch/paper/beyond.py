@@ -1,6 +1,6 @@
 """The agent beyond the paper: lines of runs, section by section, and what each comes to.
 
-``recipes/evidence/beyond.py`` runs them; docs/beyond.md has the numbers.
+``dntorch beyond`` runs them; docs/beyond.md has the numbers.
 """
 
 from collections.abc import Callable
@@ -127,7 +127,7 @@ def describe(group: Population, events: dict[str, np.ndarray]) -> Row:
     row["two_intentions"] = float(runs.trouble[0].sum() / count / config.steps)
     row["disagreements"] = int(runs.disagreements.sum())
     # Of a run that hangs the last behaviour is long past.
-    last = np.where(total > 0, runs.steps.max(1), 0)
+    last = np.where(total > 0, runs.steps.max(1, initial=0), 0)
     row["stuck"] = int((last < config.steps - 120 / config.dt).sum())
     if config.change:
         row |= after_change(runs, total, config)
@@ -137,8 +137,9 @@ def describe(group: Population, events: dict[str, np.ndarray]) -> Row:
 def first_reward(runs: Runs, total: np.ndarray, config: Config) -> Row:
     """Behaviours to the first reward; a run without one counts as all its behaviours."""
     found = runs.rewarded.any(1)
-    needed = np.where(found, runs.rewarded.argmax(1) + 1, total)
-    at = np.where(found, runs.steps[np.arange(len(total)), needed - 1], config.steps)
+    rewarded, steps = (np.pad(x, ((0, 0), (0, 1))) for x in (runs.rewarded, runs.steps))
+    needed = np.where(found, rewarded.argmax(1) + 1, total)
+    at = np.where(found, steps[np.arange(len(total)), needed - 1], config.steps)
     within = int((found & (needed <= 300)).sum())
     half = 1.96 * needed.std(ddof=1) / np.sqrt(len(needed)) if len(needed) > 1 else np.inf
     return {
@@ -222,7 +223,7 @@ def placed(group: Population, world: str) -> Population:
     if world == group.config.world:
         return group
     if group.drawn or group.after:
-        raise SystemExit("drawn sequences and worlds are abstract: leave --world out")
+        raise ValueError(f"--world={world}: drawn sequences and worlds are abstract: leave it out")
     seeds = tuple(group.config.seed + k for k in group.agents)
     config = replace(group.config, world=world)
     return Population(config, seeds=seeds, rows=group.agents, keep_weights=False)

@@ -1,17 +1,10 @@
-"""Figures of the agent beyond the paper, one a section, and its rows for a terminal."""
+"""Figures of the agent beyond the paper, one per section."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dntorch.paper.beyond import Row
-
-
-def told(row: Row) -> Row:
-    """Without what is long."""
-    kept = {k: v for k, v in row.items() if not k.endswith("interval") and k != "first"}
-    return kept | ({"discrete": told(row["discrete"])} if "discrete" in row else {})
-
 
 #: What the bars of a section are, and how it is called.
 BARS = {

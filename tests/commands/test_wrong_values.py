@@ -37,6 +37,7 @@ WRONG = {
                   "tcp://h:1:2"],
     "--host": ["a..b", "", "a" * 70],
     "--colors": ["RX", "R", "RR", "", "R" * 1000],
+    "--lines": ["", ";", "a;;b"],
     "--missing": ["X", "BB", "b", "B,Y"],
     "--then": ["GX", "G", "GG", "GB" * 1000],
     "--sequence": ["GX", "G", "GG", "", "GB" * 1000],
@@ -122,7 +123,7 @@ def test_a_wrong_value_is_refused_by_name(path: str, param, value: str, place) -
     given = [text.format(**place) for text in NEEDED.get(path, [])]
     if isinstance(param, click.Argument):
         given, label = [value, *given[1:]], param.human_readable_name
-        given = [*given, "--to", "new"] if param.nargs < 0 else given
+        given = [*given, "--to", "new"] if "calibrate" in path else given
     elif param.opts[0] in given:
         given[given.index(param.opts[0]) + 1], label = value, param.opts[0]
     else:

@@ -11,7 +11,7 @@ import pytest
 
 import dntorch
 
-PACKAGES = ["dntorch", "dntorch.envs"]
+PACKAGES = ["dntorch", "dntorch.cosivina", "dntorch.envs"]
 
 
 def run(program: str) -> subprocess.CompletedProcess:
@@ -25,11 +25,14 @@ def test_type_checkers_and_python_see_the_same_names(name: str) -> None:
         node for node in ast.parse(Path(package.__file__).read_text()).body
         if isinstance(node, ast.If)
     )  # fmt: skip
-    imports = {a.name: line.module for line in choice.body for a in line.names}
+    imports = {
+        a.name: f"{name}.{a.name}" if line.module == name else line.module
+        for line in choice.body for a in line.names
+    }  # fmt: skip
     (table,) = (node for node in ast.walk(choice.orelse[0]) if isinstance(node, ast.Dict))
     homes = {k: f"{name}.{home}" for k, home in ast.literal_eval(table).items()}
     assert homes == imports
-    assert set(package.__all__) - {"envs", "register"} == homes.keys() - {"__version__"}
+    assert set(package.__all__) - {"cosivina", "envs", "register"} == homes.keys() - {"__version__"}
 
 
 @pytest.mark.parametrize("name", PACKAGES)
