@@ -80,6 +80,22 @@ def field_rate(
 
 
 @either
+def field_relax(
+    input: Tensor,
+    output: Tensor,
+    state: FieldState,
+    kernels: list[Tensor],
+    everywhere: Number,
+    tau: Number,
+    h: Number,
+    dt: float,
+) -> FieldState:
+    """One Euler step of ``dt`` seconds from a state whose output is known."""
+    target = lateral(output, kernels, everywhere) + input + h
+    return FieldState(state.u.lerp(target, dt / tau))
+
+
+@either
 def field_step(
     input: Tensor,
     state: FieldState,
@@ -93,5 +109,5 @@ def field_step(
     dt: float,
 ) -> FieldState:
     """One Euler step of ``dt`` seconds."""
-    target = field_target(input, state, kernels, everywhere, h, kind, steepness, threshold)
-    return FieldState(state.u.lerp(target, dt / tau))
+    output = sigmoid(state.u, kind, steepness, threshold)
+    return field_relax(input, output, state, kernels, everywhere, tau, h, dt)

@@ -20,7 +20,7 @@ from dntorch import DNF, Noise, gauss, rollout
 
 SITES, LEFT, RIGHT = 60, 15, 45
 AHEAD = [0.0, 0.5, 1.0, 1.5]  # by how much the right stimulus is stronger
-STEPS = 48
+STEPS = 64
 
 
 def main() -> None:
