@@ -29,12 +29,17 @@ PROGRAMS = [
     ("fields/coordinates", r"target from the body at \[45, 45, 45\]"),
     ("fields/fit", r"error at most \d\.\de-\d+"),
     ("fields/hybrid", r"\d% of new sounds before"),
+    ("fields/wolves", r"looks at \[25, 75\], binds word 4 with feature 100"),
 ]
 BUDGETS = {
     "selection": ["--trials", "60"],
     "change": ["--trials", "24"],
     "search": ["--scenes", "6"],
 }
+
+
+SHARED = Path(__file__).parents[3] / "shared" / "data" / "cosivina"
+WOLVES = next(iter(SHARED.glob("*wolvesPaperPR.json")), None)
 
 
 @pytest.mark.parametrize("name, printed", PROGRAMS, ids=[x for x, _ in PROGRAMS])
@@ -44,6 +49,10 @@ def test_a_program_shows_its_phenomenon(
     path = FIELDS / f"{Path(name).name}.py"
     picture = tmp_path / "figure.png"
     budget = BUDGETS.get(path.stem, [])
+    if path.stem == "wolves":
+        if WOLVES is None:
+            pytest.skip("wolvesPaperPR.json is not in ../shared/data/cosivina")
+        budget = [str(WOLVES)]
     monkeypatch.setattr(sys, "argv", [str(path), *budget, "--out", str(picture)])
     with torch.random.fork_rng():
         runpy.run_path(str(path), run_name="__main__")
