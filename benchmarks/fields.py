@@ -253,13 +253,12 @@ class ByHand(Dynamics[LayersState]):
         see, inhibit, remember = self.output(state)
         to = self.couplings
         return LayersState(
-            self.see.relaxed(input + to["inhibit_see"](inhibit), see, state.see),
-            self.inhibit.relaxed(
-                to["see_inhibit"](see) + to["remember_inhibit"](remember), inhibit, state.inhibit
+            self.see.euler(input + to["inhibit_see"](inhibit), state.see),
+            self.inhibit.euler(
+                to["see_inhibit"](see) + to["remember_inhibit"](remember), state.inhibit
             ),
-            self.remember.relaxed(
+            self.remember.euler(
                 to["see_remember"](see) + to["inhibit_remember"](inhibit),
-                remember,
                 state.remember,
             ),
         )
@@ -281,7 +280,7 @@ class ManyByHand(nn.Module):
 
     def forward(self, see: Tensor, state: LayersState, steps: int) -> LayersState:
         for _ in range(steps):
-            output, state = self.structure.step(see, state)
+            _, state = self.structure.step(see, state)
         return state
 
 
@@ -294,7 +293,7 @@ class Many(nn.Module):
 
     def forward(self, see: Tensor, state: dict[str, Tensor], steps: int) -> dict[str, Tensor]:
         for _ in range(steps):
-            outputs, state = self.structure.step({"see": see}, state)
+            _, state = self.structure.step({"see": see}, state)
         return state
 
 
