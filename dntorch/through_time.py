@@ -34,7 +34,8 @@ def rollout(structure: Dynamics, inputs: Any, state: Any = None) -> tuple[Any, A
     lengths = {len(x) if x.dim() else 0 for x in tree_flatten(each)[0]}
     if len(lengths) != 1 or not all(lengths):
         raise ValueError(
-            f"inputs have lengths {sorted(lengths)}: give each a leading axis of as many steps"
+            f"inputs have lengths {sorted(lengths)}: give each a leading axis of as many steps, "
+            "and zeros if there is nothing else to give"
         )
     state = structure.state if state is None else state
     outputs, states = [], []

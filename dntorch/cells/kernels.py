@@ -164,6 +164,11 @@ def _given_matrices(term: Matrices, shape: list[int], source: list[int]) -> list
     matrices = [torch.as_tensor(matrix).double() for matrix in term.matrices]
     sizes = [list(matrix.shape) for matrix in matrices]
     wanted = [list(size) for size in zip(shape, source, strict=True)]
+    if not wanted:
+        raise ValueError(
+            f"matrices of {sizes} find no axis: name it alike on both sides of a projection, as in "
+            "'x -> x', and give a node a number"
+        )
     if sizes != wanted:
         raise ValueError(f"matrices of {sizes} do not fit {shape=}: give {wanted}, [to, from]")
     return matrices

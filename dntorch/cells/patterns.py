@@ -43,49 +43,40 @@ def read_pattern(axes: str, source: list[int], target: list[int]) -> Route:
         ValueError: what is no pattern, names that repeat, sizes that do not fit.
     """
     came, goes = _names(axes, source, target)
-    given = dict(zip(came, source))
-    wanted = dict(zip(goes, target))
+    given, wanted = dict(zip(came, source)), dict(zip(goes, target))
     sums_in = [name for name in goes if "+" in name and name not in came]
     sums_out = [name for name in came if "+" in name and name not in goes]
     if len(sums_in) + len(sums_out) > 1:
         raise ValueError(f"axes={axes!r} has more than one diagonal: chain two projections")
     shear: list[int] = []
-    for name in sums_in:
-        pair = _pair(axes, name, came)
-        shear = [came.index(part) - len(came) for part in pair]
-        given[name] = sum(given[part] for part in pair) - 1
-        came = [n for n in came if n not in pair] + [name]
     unshear: list[int] = []
-    ends = list(goes)
+    starts, ends = came, goes  # with a diagonal for its two axes
+    for name in sums_in:
+        pair = _pair(axes, name, given, wanted)
+        shear = [_place(came, part) for part in pair]
+        starts = [*(n for n in came if n not in pair), name]
     for name in sums_out:
-        first, second = _pair(axes, name, goes)
-        sizes = wanted[first] + wanted[second] - 1
-        if given[name] != sizes:
-            raise ValueError(
-                f"axes={axes!r}: {name} of {given[name]} sites does not fit {wanted[first]} and "
-                f"{wanted[second]}: give {sizes}"
-            )
-        wanted[name] = sizes
-        ends = [name if n == first else n for n in ends if n != second]
-    through = [name for name in ends if name in came]
-    reduced = [came.index(n) - len(came) for n in came if n not in through]
-    left = [n for n in came if n in through]
-    order = [left.index(n) - len(left) for n in through]
-    laid = list(through)
+        first, second = _pair(axes, name, wanted, given)
+        ends = [name if n == first else n for n in goes if n != second]
+    through = [name for name in ends if name in starts]
+    reduced = [_place(starts, n) for n in starts if n not in through]
+    left = [n for n in starts if n in through]
+    order = [_place(left, n) for n in through]
+    laid = through
     for name in sums_out:
         first, second = name.split("+")
-        at = laid.index(name)
-        unshear = [at - len(laid), wanted[second]]
-        laid = [*(first if n == name else n for n in laid), second]
-    placed = [[n for n in goes if n in laid].index(n) - len(laid) for n in laid]
-    new = [goes.index(n) - len(goes) for n in goes if n not in laid]
-    if sums_in and wanted[sums_in[0]] != given[sums_in[0]]:
-        raise ValueError(
-            f"axes={axes!r}: {sums_in[0]} of {wanted[sums_in[0]]} sites does not fit: give "
-            f"{given[sums_in[0]]}, the sizes of both less one"
-        )
+        unshear = [_place(through, name), wanted[second]]
+        laid = [*(first if n == name else n for n in through), second]
+    standing = [n for n in goes if n in laid]
+    placed = [_place(standing, n) for n in laid]
+    new = [_place(goes, n) for n in goes if n not in laid]
     middle = [given[n] for n in through], [wanted[n] for n in through]
     return Route(through, shear, reduced, order, unshear, placed, new, *middle)
+
+
+def _place(names: list[str], name: str) -> int:
+    """Where an axis stands, counted from the end."""
+    return names.index(name) - len(names)
 
 
 def _names(axes: str, source: list[int], target: list[int]) -> tuple[list[str], list[str]]:
@@ -109,10 +100,18 @@ def _names(axes: str, source: list[int], target: list[int]) -> tuple[list[str], 
     return names[0], names[1]
 
 
-def _pair(axes: str, name: str, others: list[str]) -> list[str]:
+def _pair(axes: str, name: str, parts: dict[str, int], sums: dict[str, int]) -> list[str]:
+    """The two axes of a diagonal ``name``, whose size it has on their side from now on."""
     pair = name.split("+")
-    if not all(part in others for part in pair):
+    if not all(part in parts for part in pair):
         raise ValueError(f"axes={axes!r}: the parts of {name} must stand on the other side")
+    first, second = (parts[part] for part in pair)
+    parts[name] = first + second - 1
+    if sums[name] != parts[name]:
+        raise ValueError(
+            f"axes={axes!r}: {name} of {sums[name]} sites does not fit {first} and {second}: give "
+            f"{parts[name]}"
+        )
     return pair
 
 

@@ -3,7 +3,8 @@
 Formats for other machines know tensors with names, neither nested states nor observations.
 An input has the name of the parameter of ``step``, or its key in the observation. A tensor of
 the state has its name in ``structure.flat``, which is also that of the buffer that holds it:
-``behaviors.intention.u``.
+``behaviors.intention.u``. Inputs and outputs of a structure that speaks in labels of any letters,
+such as an `Architecture`, have the `escaped` form of the label: ``stimulus_x20_1``.
 """
 
 import copy
@@ -69,6 +70,8 @@ class Boundary:
         parameters = list(inspect.signature(structure.step).parameters)[: len(inputs)]
         self.takes = {name: _keys(structure, x) for name, x in zip(parameters, inputs, strict=True)}
         """For each parameter of ``step`` the keys of its observation, None for a tensor."""
+        self.gives = list(output) if isinstance(output, dict) else None
+        """The keys of an output by name, None for tensors."""
         self.inputs = [Port.of(*pair) for pair in self._pairs(inputs)]
         self.state = [Port.of(*pair) for pair in self.structure.flat(state).items()]
         buffers = dict(self.structure.named_buffers())
@@ -77,8 +80,6 @@ class Boundary:
             for name, buffer in buffers.items()
             if name.rpartition(".")[2] in SWITCHES
         ]
-        self.gives = list(output) if isinstance(output, dict) else None
-        """The keys of an output by name, None for tensors."""
         self.outputs = self._outputs(output)
         self._check(buffers)
 
@@ -89,9 +90,13 @@ class Boundary:
     def arguments(self, tensors: Mapping[str, Tensor]) -> list[Input]:
         """The arguments of a step from tensors by name of their port."""
         return [
-            tensors[name] if keys is None else {key: tensors[key] for key in keys}
+            tensors[name] if keys is None else {key: tensors[self.port(key)] for key in keys}
             for name, keys in self.takes.items()
         ]
+
+    def port(self, key: str) -> str:
+        """The name of the port of a key; where outputs have labels, inputs have labels, too."""
+        return key if self.gives is None else escaped(key)
 
     def lasting(self) -> set[str]:
         """Names of the tensors of the state that outlive ``reset``: what was learned, counts."""
@@ -105,7 +110,10 @@ class Boundary:
     def _pairs(self, inputs: Sequence[Input]) -> list[tuple[str, Tensor]]:
         pairs = []
         for (name, keys), value in zip(self.takes.items(), inputs, strict=True):
-            pairs += [(name, value)] if keys is None else [(key, value[key]) for key in keys]
+            if keys is None:
+                pairs.append((name, value))
+            else:
+                pairs += [(self.port(key), value[key]) for key in keys]
         return pairs
 
     def _outputs(self, output: Any) -> list[Port]:

@@ -92,7 +92,9 @@ def _forward(boundary: Boundary) -> str:
         for port in boundary.inputs
     ]
     arguments = [
-        name if keys is None else "{" + ", ".join(f"'{key}': {key}" for key in keys) + "}"
+        name
+        if keys is None
+        else "{" + ", ".join(f"{key!r}: {boundary.port(key)}" for key in keys) + "}"
         for name, keys in boundary.takes.items()
     ]
     gives = ", ".join("Tensor" for _ in boundary.outputs)

@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
 
 class Link(NamedTuple):
-    """What one element of an architecture gives to another; see `Projection` for the last four."""
+    """What one element of an architecture gives to another; see `Projection` for the last four.
+
+    ``Link("a", "b", kernel=2.0)``, or the plain tuple ``("a", "b", 2.0)``.
+    """
 
     source: str
     target: str
@@ -29,6 +32,15 @@ class Link(NamedTuple):
     kernel: float | Tensor | Kernel = 1.0
     border: str | Sequence[str] = "circular"
     reduce: str = "sum"
+
+
+class Coupling(NamedTuple):
+    """A link as it was built."""
+
+    source: str
+    target: str
+    projection: Projection
+    """Its ``kernel`` can be set."""
 
 
 class Architecture(Dynamics[dict[str, Tensor]]):
@@ -66,9 +78,11 @@ class Architecture(Dynamics[dict[str, Tensor]]):
     added to what its links give. What is left out is 0. Outputs by name of all elements that are no
     relay, after the step. State: a tensor by name, such as ``u`` of a field.
 
-    ``architecture["scene"]`` is the element, whose parameters may be set; ``links`` are its links
-    with their projections, whose kernels may be set. A `MemoryTrace` among the elements is
-    long-term memory, as it is alone. ``fold()`` makes one matrix of all that is linear.
+    ``architecture["scene"]`` is the element, whose parameters may be set; that of an input has its
+    constant, ``value``. ``links`` lists ``(source, target, projection)``, whose kernels may be set:
+    ``architecture.links[0].projection.kernel = 2.0``. A `MemoryTrace` among the elements is
+    long-term memory, as it is alone: with one, take ``spread(*batch)`` for ``resize(*batch)``.
+    ``fold()`` makes one matrix of all that is linear. ``docs/fields.md`` has examples.
 
     Raises:
         ValueError: a link to what is not there, a pattern or kernel that does not fit, relays in a
@@ -161,10 +175,10 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         return projection
 
     @property
-    def links(self) -> list[Link]:
-        """All links, with their projections."""
+    def links(self) -> list[Coupling]:
+        """All links as they were built, in the order in which targets step."""
         return [
-            Link(arm.source, element.label, arm.projection)
+            Coupling(arm.source, element.label, arm.projection)
             for element in self.elements.values()
             for arm in element.arms
         ]

@@ -27,6 +27,9 @@ class Stimulus(Lasting):
     def shows(self, given: dict[str, Tensor]) -> Tensor:
         return self.value + given[self.label] if self.label in given else self.value
 
+    def extra_repr(self) -> str:
+        return f"{self.label!r}, {list(self.value.shape)}"
+
 
 class Arm(nn.Module):
     """A link on its way into an element."""
@@ -38,9 +41,14 @@ class Arm(nn.Module):
     def forward(self, shown: dict[str, Tensor]) -> Tensor:
         return self.projection(shown[self.source])
 
+    def extra_repr(self) -> str:
+        return f"from {self.source!r}"
+
 
 class Element(Lasting):
-    """Gathers what reaches it; a `Member` or a `Passing` says what comes of it.
+    """What stands under a label, a structure or a `Relay`, with its links.
+
+    Gathers what reaches it; a `Member` or a `Passing` says what comes of it.
 
     Attributes:
         label: its name in inputs, outputs and states; ``path``: of the buffer of its state.
@@ -69,6 +77,9 @@ class Element(Lasting):
             else:
                 total = total * each if self.product else total + each
         return total + given[self.label] if self.label in given else total
+
+    def extra_repr(self) -> str:
+        return repr(self.label)
 
 
 class Elements(nn.ModuleDict):
@@ -159,4 +170,6 @@ class Passing(Element):
 
     def advance(self, reaching: Tensor, shown: Tensor, x: Tensor) -> Tensor:
         ahead = self.relay(reaching)
-        return ahead + torch.zeros_like(x) if self.kept else ahead
+        if self.kept:  # in the batch of the state, though nothing that reaches it has one
+            return ahead + torch.zeros_like(x)
+        return ahead

@@ -38,8 +38,8 @@ class Folded(Dynamics[dict[str, Tensor]]):
 
     u: Tensor
     matrix: Tensor
+    constant: Tensor
     rest: Tensor
-    start: Tensor
     rate: Tensor
     steepness: Tensor
     threshold: Tensor
@@ -49,6 +49,7 @@ class Folded(Dynamics[dict[str, Tensor]]):
     _labels: list[str]
     _forced: list[str]
     _sizes: list[int]
+    _first: list[int]
 
     def __init__(self, whole: Architecture) -> None:
         refuse_what_cannot_be_folded(whole)
@@ -60,6 +61,8 @@ class Folded(Dynamics[dict[str, Tensor]]):
         self._forced = [label for label in whole._shapes if label not in self._labels]
         self._all, self.kind = [member.shape for member in members], parts[0].kind
         self._sizes = [math.prod(shape) for shape in self._all]
+        widths = [math.prod(self._shapes[label]) for label in self._forced]
+        self._first = [sum(widths[:k]) for k in range(len(widths))]
         self.to(parts[0].origin.dtype)
 
         def over(numbers: list[float]) -> Tensor:
@@ -74,8 +77,8 @@ class Folded(Dynamics[dict[str, Tensor]]):
             levels = over([part.h for part in parts])
             each = {
                 "matrix": torch.cat([_column(whole, silent, x) for x in self._labels], -1),
-                "rest": _reaching(whole, silent | acting, none) + levels,
-                "start": levels,
+                "constant": _reaching(whole, silent | acting, none) + levels,
+                "rest": levels,
                 "rate": over([part.dt / part.tau for part in parts]),
                 "steepness": over([part.steepness for part in parts]),
                 "threshold": over([part.threshold for part in parts]),
@@ -87,7 +90,7 @@ class Folded(Dynamics[dict[str, Tensor]]):
             }
         for name, tensor in each.items():
             self.register_buffer(name, tensor.to(self.origin), persistent=False)
-        self.register_buffer("u", self.start.clone(), persistent=False)
+        self.register_buffer("u", self.rest.clone(), persistent=False)
 
     # ------------------------------------------------------------- state
 
@@ -102,8 +105,7 @@ class Folded(Dynamics[dict[str, Tensor]]):
     def _together(self, named: dict[str, Tensor]) -> Tensor:
         rows: list[Tensor] = []
         for k, label in enumerate(self._labels):
-            x = named[label]
-            rows.append(x.reshape(list(x.shape[: x.dim() - len(self._all[k])]) + [-1]))
+            rows.append(_flat(named[label], len(self._all[k])))
         return torch.cat(rows, -1)
 
     @property
@@ -130,7 +132,7 @@ class Folded(Dynamics[dict[str, Tensor]]):
         return self._apart(flat["u"])
 
     def initial(self, batch: list[int]) -> dict[str, Tensor]:
-        return self._apart(self.start.expand(batch + [self.start.shape[0]]).clone())
+        return self._apart(self.rest.expand(batch + [self.rest.shape[0]]).clone())
 
     @torch.jit.export
     def reset(self) -> None:
@@ -157,13 +159,14 @@ class Folded(Dynamics[dict[str, Tensor]]):
                 )
             check_ends(label, given, self._shapes[label])
         u = self._together(state)
-        target = linear(self._rate(u), self.matrix, self.rest)
+        target = linear(self._output(u), self.matrix, self.constant)
         if len(inputs) > 0:
             target = target + self._drive(inputs)
         ahead = u.lerp(target, self.rate)
-        return self._apart(self._rate(ahead)), self._apart(ahead)
+        return self._apart(self._output(ahead)), self._apart(ahead)
 
-    def _rate(self, u: Tensor) -> Tensor:
+    def _output(self, u: Tensor) -> Tensor:
+        """`sigmoid` with a steepness and a threshold per site, of which it takes one for all."""
         if self.kind == "logistic":
             return torch.sigmoid(self.steepness * (u - self.threshold))
         if self.kind == "semilinear":
@@ -174,31 +177,31 @@ class Folded(Dynamics[dict[str, Tensor]]):
 
     def _drive(self, inputs: dict[str, Tensor]) -> Tensor:
         """What is given by hand, as it reaches the sites of all fields."""
-        reaching: list[Tensor] = []
-        batch = list(self.start.shape[:0])
+        rows: list[Tensor] = []
         for k, label in enumerate(self._labels):
+            given = inputs[label] if label in inputs else self.rest.new_zeros(self._all[k])
+            rows.append(_flat(given, len(self._all[k])))
+        drive = _joined(rows)
+        for k, label in enumerate(self._forced):
             if label in inputs:
-                x = inputs[label]
-                batch = list(x.shape[: x.dim() - len(self._all[k])])
-                own = x.reshape(batch + [self._sizes[k]])
-            else:
-                own = self.start.new_zeros([self._sizes[k]])
-            reaching.append(own)
-        widest = reaching[0].shape[:-1]
-        for own in reaching:
-            widest = own.shape[:-1] if own.dim() > len(widest) + 1 else widest
-        drive = torch.cat([own.expand(list(widest) + [own.shape[-1]]) for own in reaching], -1)
-        first = 0
-        for label in self._forced:
-            size = 1
-            for n in self._shapes[label]:
-                size *= n
-            if label in inputs:
-                x = inputs[label]
-                flat = x.reshape(list(x.shape[: x.dim() - len(self._shapes[label])]) + [size])
-                drive = drive + linear(flat, self.forcing.narrow(1, first, size))
-            first += size
+                given = _flat(inputs[label], len(self._shapes[label]))
+                columns = self.forcing.narrow(1, self._first[k], given.shape[-1])
+                drive = drive + linear(given, columns)
         return drive
+
+
+def _flat(x: Tensor, axes: int) -> Tensor:
+    """The sites of a field of so many axes as one."""
+    return x.flatten(-axes) if axes > 0 else x.unsqueeze(-1)
+
+
+def _joined(rows: list[Tensor]) -> Tensor:
+    """One row of all, in the largest of their batches."""
+    batch = list(rows[0].shape[:-1])
+    for row in rows:
+        if row.dim() > len(batch) + 1:
+            batch = list(row.shape[:-1])
+    return torch.cat([row.expand(batch + [row.shape[-1]]) for row in rows], -1)
 
 
 def refuse_what_cannot_be_folded(whole: Architecture) -> None:
@@ -229,7 +232,8 @@ def refuse_what_cannot_be_folded(whole: Architecture) -> None:
         if any(isinstance(x, Tensor) and x.dim() for x in (element.part.tau, element.part.h)):
             left.append(f"{element.label!r} has numbers per agent")
     if sites**2 > LARGEST:
-        left.append(f"{sites} sites are too many for a matrix")
+        most = math.isqrt(LARGEST)
+        left.append(f"{sites} sites are too many for a matrix, which may have {most}")
     if left:
         raise ValueError(f"fold() cannot fold this: {'; '.join(left)}; step it as it is")
 
@@ -244,10 +248,8 @@ def _reaching(whole: Architecture, shown: dict[str, Tensor], given: dict[str, Te
             continue
         part = element.part
         own = lateral(shown[element.label], part._stacks(), part.everywhere)
-        reaching = reaching + own
-        rows.append(reaching.reshape([*reaching.shape[: reaching.dim() - len(element.shape)], -1]))
-    widest = max((row.shape[:-1] for row in rows), key=len)
-    return torch.cat([row.expand(*widest, row.shape[-1]) for row in rows], -1)
+        rows.append(_flat(reaching + own, len(element.shape)))
+    return _joined(rows)
 
 
 def _column(whole: Architecture, silent: dict[str, Tensor], label: str) -> Tensor:

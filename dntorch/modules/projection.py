@@ -65,6 +65,7 @@ class Projection(Kernelled, Parameters):
     """
 
     settable = ("reduce",)
+    # What `Kernelled` asks for: sizes of the axes that go through, in the target and the source.
     shape: list[int]
     source_shape: list[int]
     source: list[int]

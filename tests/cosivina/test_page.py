@@ -12,8 +12,9 @@ def test_its_code_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     assert blocks
-    for block in blocks:
-        exec(compile(block, "cosivina.md", "exec"), {})
+    names = {}
+    for block in blocks:  # from top to bottom
+        exec(compile(block, "cosivina.md", "exec"), names)
 
 
 def test_its_table_names_every_class_once():

@@ -58,7 +58,8 @@ def test_without_it_couplings_act_from_the_start(path):
     (first,), (ours,) = run(exact, 1), run(model, 1)
     assert not model.ordered and exact.ordered
     changed = {label for label in members(model) if not torch.equal(first[label], ours[label])}
-    coupled = {link.target for link in exact.links if link.source not in exact.stimuli}
+    stimuli = {stimulus.label for stimulus in exact.stimuli.values()}
+    coupled = {link.target for link in exact.links if link.source not in stimuli}
     assert changed <= coupled & set(members(model))
     assert furthest(first, ours, members(model)) < 1e-3
 

@@ -78,13 +78,14 @@ def coupled(*order, trace=True):
     """Fields, and a memory trace that one of them leaves."""
     parts = {"scene": dntorch.DNF((2, 4), ()), "space": dntorch.DNF(4, dntorch.Gauss(6.0, 1.0))}
     links = [("scene", "space", "c p -> p"), ("space", "scene", "p -> c p", 2.0)]
+    links += [("the cue (left)", "space")]
     if trace:
         parts["trace"] = dntorch.MemoryTrace(4)
         links += [("space", "trace"), ("trace", "space", 2.0)]
-    return dntorch.Architecture(parts, *links, inputs={"cue": 4}, order=order or None)
+    return dntorch.Architecture(parts, *links, inputs={"the cue (left)": 4}, order=order or None)
 
 
-FED = (seen(scene=strong(2, 4), space=strong(4)),)
+FED = (seen(**{"scene": strong(2, 4), "space": strong(4), "the cue (left)": strong(4)}),)
 PAIRS = (N, N)
 CASES: dict[str, tuple[Callable[[], Dynamics], tuple[Callable, ...]]] = {
     "DNF": (lambda: dntorch.DNF((5, 6), integrator="heun"), (strong(5, 6),)),

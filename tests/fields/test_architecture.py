@@ -84,6 +84,15 @@ def test_a_step_is_the_equations():
     assert outputs.keys() == after.keys() == {"scene", "space", "trace"}
 
 
+def test_links_are_listed_with_their_projections_and_build_the_same_again():
+    model = built()
+    again = built(links=model.links)
+    assert [(a, b) for a, b, _ in again.links] == [(a, b) for a, b, _ in model.links]
+    assert sorted((a, b) for a, b, _ in model.links) == sorted((a, b) for a, b, *_ in LINKS)
+    (across,) = (x.projection for x in model.links if (x.source, x.target) == ("scene", "space"))
+    assert across.axes == "c p -> p" and across.kernel == (Gauss(3.0, 1.0),)
+
+
 def test_elements_and_links_in_any_order_are_the_same_to_the_last_bit():
     shuffle, given = random.Random(0), {"scene": 4 * noise(3, 20)}
     states = []
@@ -312,7 +321,7 @@ def test_gradients_of_kernels_inputs_and_states_are_right():
 
     def run(amplitude, sigma, gain, given, u):
         parts["u"].kernel = (Gauss(amplitude, sigma), Global(-amplitude / 9))
-        model.links[1].axes.kernel = gain
+        model.links[1].projection.kernel = gain
         state = model.initial([]) | {"u": u}
         outputs, _ = rollout(model, {"u": given}, state)
         return outputs["u"], outputs["v"]
