@@ -27,9 +27,11 @@ os.environ["PYTHONWARNINGS"] = ",".join(["error", *EXEMPT])
 
 #: Tests that may be skipped, and why: nothing else is skipped unseen by `make test`.
 MAY_SKIP = {
+    "tests/cosivina/test_public_files.py": "third-party models, not part of this repository",
     "tests/envs/test_nodes.py": "one test needs a C++ compiler",
     "tests/envs/test_ring.py": "one test needs a GPU",
     "tests/live/test_page.py": "needs Chromium",
+    "tests/fields/test_gallery.py": "one model is a third-party file, not part of this repository",
     "tests/modules/test_compiled.py": "needs a C++ compiler",
     "tests/modules/test_dnfc_data.py": "third-party field runs, not part of this repository",
     "tests/export/test_export_cpp.py": "needs a C++ compiler; with CUDA, its toolkit",

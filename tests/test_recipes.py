@@ -32,12 +32,13 @@ def test_the_memory_is_a_trace() -> None:
 
 
 HERE = [
-    Path(__file__).with_name(f"test_{name}.py") for name in ("recipes", "collectors", "evidence")
+    Path(__file__).parent / f"{name}.py"
+    for name in ("test_recipes", "test_collectors", "test_evidence", "fields/test_gallery")
 ]
 TESTED = {
     name
     for path in HERE
-    for name in re.findall(r'"(?:evidence/)?(\w+)(?:\.py)?"[,\])]', path.read_text())
+    for name in re.findall(r'"(?:evidence/|fields/)?(\w+)(?:\.py)?"[,\])]', path.read_text())
 }
 
 

@@ -10,6 +10,7 @@ CPU, and borders, asymmetric and learned kernels come free.
 
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 from torch.nn.functional import linear
 
@@ -25,6 +26,8 @@ class FieldState(NamedTuple):
 def separable(output: Tensor, kernels: list[Tensor], term: int) -> Tensor:
     """Effect of one term: multiply the last axis by its matrix, rotate the axes, repeat."""
     axes = len(kernels)
+    if axes == 2:  # the same bits in a tenth to a third less time: nothing is left transposed
+        return torch.matmul(kernels[0][term], linear(output, kernels[1][term]))
     for axis in range(axes):
         output = linear(output, kernels[axes - 1 - axis][term])
         if axes > 1:
@@ -80,6 +83,22 @@ def field_rate(
 
 
 @either
+def field_relax(
+    input: Tensor,
+    output: Tensor,
+    state: FieldState,
+    kernels: list[Tensor],
+    everywhere: Number,
+    tau: Number,
+    h: Number,
+    dt: float,
+) -> FieldState:
+    """One Euler step of ``dt`` seconds from a state whose output is known."""
+    target = lateral(output, kernels, everywhere) + input + h
+    return FieldState(state.u.lerp(target, dt / tau))
+
+
+@either
 def field_step(
     input: Tensor,
     state: FieldState,
@@ -93,5 +112,5 @@ def field_step(
     dt: float,
 ) -> FieldState:
     """One Euler step of ``dt`` seconds."""
-    target = field_target(input, state, kernels, everywhere, h, kind, steepness, threshold)
-    return FieldState(state.u.lerp(target, dt / tau))
+    output = sigmoid(state.u, kind, steepness, threshold)
+    return field_relax(input, output, state, kernels, everywhere, tau, h, dt)

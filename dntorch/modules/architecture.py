@@ -9,8 +9,8 @@ from torch import Tensor, nn
 from dntorch.cells.kernels import Kernel
 from dntorch.checks import check_ends
 from dntorch.dynamics import Dynamics
-from dntorch.modules.elements import Arm, Element, Elements, Member, Passing, Stimulus
-from dntorch.modules.field import sites
+from dntorch.modules.elements import Arm, Element, Elements, Field, Member, Passing, Stimulus
+from dntorch.modules.field import DNF, sites
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay
 from dntorch.modules.wiring import backward, escaped, in_order
@@ -133,7 +133,8 @@ class Architecture(Dynamics[dict[str, Tensor]]):
             if isinstance(part, Relay):
                 element: Element = Passing(label, part, arms[label], label in behind)
             else:
-                element = Member(label, part, _entry_of(label, part), arms[label])
+                kind = Field if type(part) is DNF else Member  # no subclass with a step of its own
+                element = kind(label, part, _entry_of(label, part), arms[label])
             self.elements[escaped(label)] = element
         self.to(self.origin.dtype)
 
@@ -269,7 +270,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         for element in self.elements.values():
             if element.passing:
                 reaching = element.gather(shown, none)
-                shown[element.label] = element.advance(reaching, element.rest(batch))
+                shown[element.label] = element.advance(reaching, reaching, element.rest(batch))
         return shown
 
     @torch.jit.export
@@ -323,7 +324,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         ahead: dict[str, Tensor] = {}
         for element in self.elements.values():
             held = state[element.label] if element.kept else self.origin
-            x = element.advance(element.gather(shown, inputs), held)
+            x = element.advance(element.gather(shown, inputs), shown[element.label], held)
             now = element.shows(x)
             if element.kept:
                 ahead[element.label] = x

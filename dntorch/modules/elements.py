@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
+from dntorch.cells.field import FieldState
 from dntorch.dynamics import Dynamics
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay
@@ -122,9 +123,18 @@ class Member(Element):
     def shows(self, x: Tensor) -> Tensor:
         return self.part.output(self.part.nested({self.entry: x}))
 
-    def advance(self, reaching: Tensor, x: Tensor) -> Tensor:
+    def advance(self, reaching: Tensor, shown: Tensor, x: Tensor) -> Tensor:
         ahead = self.part.euler(reaching, self.part.nested({self.entry: x}))
         return self.part.flat(ahead)[self.entry]
+
+
+class Field(Member):
+    """A `DNF`, whose output is not computed again: it is what the field shows to others."""
+
+    def advance(self, reaching: Tensor, shown: Tensor, x: Tensor) -> Tensor:
+        if self.part.substeps > 1:
+            return self.part.euler(reaching, FieldState(x)).u
+        return self.part.relaxed(reaching, shown, FieldState(x)).u
 
 
 class Passing(Element):
@@ -158,7 +168,7 @@ class Passing(Element):
     def shows(self, x: Tensor) -> Tensor:
         return x
 
-    def advance(self, reaching: Tensor, x: Tensor) -> Tensor:
+    def advance(self, reaching: Tensor, shown: Tensor, x: Tensor) -> Tensor:
         ahead = self.relay(reaching)
         if self.kept:  # in the batch of the state, though nothing that reaches it has one
             return ahead + torch.zeros_like(x)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dntorch.cells.field import FieldState, field_step
+from dntorch.cells.field import FieldState, field_relax
 from dntorch.cells.functions import sigmoid
 from dntorch.cells.integrators import check_integrator
 from dntorch.cells.kernels import SELECTIVE, Kernel
@@ -126,16 +126,20 @@ class DNF(Kernelled, Dynamics[FieldState]):
 
     def substep(self, input: Tensor, state: FieldState) -> FieldState:
         """One Euler step of ``dt / substeps`` seconds."""
+        output = sigmoid(state.u, self.kind, self.steepness, self.threshold)
+        return self.relaxed(input, output, state)
+
+    def relaxed(self, input: Tensor, output: Tensor, state: FieldState) -> FieldState:
+        """`substep` for a composite that knows the output already."""
         check_ends("input", input, self.shape)
         if input.dtype != state.u.dtype:
             raise ValueError(
                 f"input of dtype {input.dtype} does not fit the field's {state.u.dtype}: give "
                 "input.to(field.u), or build the field with dtype=torch.float64"
             )
-        axes, sigmoid = len(self.shape), (self.kind, self.steepness, self.threshold)
+        axes, dt = len(self.shape), self.dt / self.substeps
         tau, h = wide(self.tau, axes), wide(self.h, axes)
-        kernels, dt = self._stacks(), self.dt / self.substeps
-        return field_step(input, state, kernels, self.everywhere, tau, h, *sigmoid, dt)
+        return field_relax(input, output, state, self._stacks(), self.everywhere, tau, h, dt)
 
     def euler(self, input: Tensor, state: FieldState) -> FieldState:
         """``dt`` seconds in Euler steps."""

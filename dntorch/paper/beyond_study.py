@@ -78,10 +78,16 @@ QUANTITIES = {
 }  # fmt: skip
 
 
+#: Later predictions, and how they are called beside the first.
+REVISIONS = {"revised": ", revised", "again": ", revised again"}
+
+
 def judge(section: str, rows: dict[str, Row]) -> list[Claim]:
     """Each number that was predicted beside the one that was found."""
     beyond = predictions("beyond")
-    expected = [(beyond[section], ""), (beyond["revised"].get(section, {}), ", revised")]
+    expected = [(beyond[section], "")]
+    for times, when in REVISIONS.items():
+        expected.append((beyond[times].get(section, {}), when))
     claims = []
     for lines, when in expected:
         for name, line in lines.items():
