@@ -220,7 +220,7 @@ def coupled(dtype, **options):
 
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(D, 1e-12), (torch.float32, 1e-5)])
-@pytest.mark.parametrize("kind", ["logistic", "abs", "semilinear", "heaviside"])
+@pytest.mark.parametrize("kind", ["logistic", "abs", "semilinear", "heaviside", "linear"])
 def test_folded_is_unfolded_to_rounding(kind, dtype, tolerance):
     model = coupled(dtype, kind=kind)
     folded = model.fold()
@@ -236,7 +236,7 @@ def test_folded_is_unfolded_to_rounding(kind, dtype, tolerance):
         for name in outputs:
             torch.testing.assert_close(same[name], outputs[name], rtol=tolerance, atol=tolerance)
         folded.state = model.state  # a site at a threshold may fall to either side
-    assert model.state["u"].max() > 0
+    assert model.state["u"].max() > 0 or kind == "linear"  # which runs away
     model.resize(2, 3)
     folded.resize(2, 3)
     given = {"u": noise(2, 3, 12).to(dtype), "cue": noise(2, 3, 12).to(dtype)}
