@@ -27,6 +27,7 @@ from dntorch import (
 from dntorch.analysis import fixed_points
 from dntorch.cells.codes import rate_code
 from dntorch.cells.readout import center_of_mass, peaks
+from dntorch.export.boundary import Boundary
 from dntorch.losses import peak_loss
 
 D = torch.float64
@@ -99,6 +100,9 @@ WRONG = {
     "u of shape [3]": [lambda: one().step({}, {"u": torch.ones(3)})],
     "input=": [lambda: fixed_points(DNF(()), "a"), lambda: fixed_points(DNF(()), None),
                lambda: fixed_points(DNF(()), 1e308)],
+    "inputs has 0 entries": [lambda: Boundary(DNF(5)), lambda: Boundary(one())],
+    "inputs has 2 entries": [lambda: Boundary(DNF(5), torch.ones(5), torch.ones(5))],
+    "structure is a NoneType": [lambda: Boundary(None)],
     "ax is a": [lambda: plots.space_time(torch.ones(2, 2), 0.1, ax=3)],
     "batches": [
         lambda: Architecture({"u": DNF(5, h=-torch.ones(2)), "v": DNF(5, h=-torch.ones(3))}),
