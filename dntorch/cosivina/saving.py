@@ -9,8 +9,9 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.kernels import Gauss, Global, per_axis
+from dntorch.checks import shown
 from dntorch.cosivina import written
-from dntorch.cosivina.files import Element, write
+from dntorch.cosivina.files import Element, name_of, write
 from dntorch.cosivina.written import MS, array, rounded, size_of
 from dntorch.modules.architecture import Architecture
 from dntorch.modules.field import DNF
@@ -39,14 +40,24 @@ def save(architecture: Architecture, path: str | Path, noise: Sequence[str] = ()
     Raises:
         ValueError: what has no element in COSIVINA: another structure, another output function,
             numbers per agent, a maximum, a kernel of matrices over a plane. Nothing is written.
-        TypeError: what is no `Architecture`.
+        TypeError: what is no `Architecture`, no path, no list of labels.
         OSError: the file can't be written.
     """
     if not isinstance(architecture, Architecture):
         raise TypeError(f"architecture is a {type(architecture).__name__}: give an Architecture")
+    name_of(path)
+    if isinstance(noise, str) or not isinstance(noise, Sequence):
+        raise TypeError(f"noise={shown(noise)} is no list: give labels of inputs, such as ['xi']")
+    inputs = [stimulus.label for stimulus in architecture.stimuli.values()]
     for label in noise:
-        if label not in {stimulus.label for stimulus in architecture.stimuli.values()}:
-            raise ValueError(f"noise has {label!r}, which is no input of the architecture")
+        if label not in inputs:
+            raise ValueError(
+                f"noise has {shown(label)}, which is no input of the architecture: choose from "
+                f"{inputs}"
+            )
+    for label in architecture.labels():
+        if not label.isprintable() and label.encode(errors="replace").decode() != label:
+            raise ValueError(f"element {label!r} cannot be written in UTF-8: give another name")
     writer = _Writer(architecture, noise)
     write(path, writer.delta_t, writer.elements)
 
@@ -54,6 +65,7 @@ def save(architecture: Architecture, path: str | Path, noise: Sequence[str] = ()
 class _Writer:
     """Collects the elements of a file."""
 
+    @torch.no_grad()  # kernels may want gradients
     def __init__(self, architecture: Architecture, noise: Sequence[str]) -> None:
         self.architecture = architecture
         self.delta_t = rounded(architecture.dt * MS)
@@ -243,6 +255,11 @@ class _Writer:
                     matrix = written.amplified_matrix(term, shape[0], border[0])
                 else:
                     matrix = torch.as_tensor(term.matrices[0]).double()
+                if matrix.shape[1] == 1:
+                    raise ValueError(
+                        f"{name!r}: a matrix from one site has no class in COSIVINA: take a node, "
+                        "of shape (), and an expansion"
+                    )
                 parameters = {
                     "size": [matrix.shape[1], matrix.shape[0]],
                     "weights": array(matrix.t()),

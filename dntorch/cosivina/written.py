@@ -5,7 +5,7 @@ from typing import Any
 
 from torch import Tensor
 
-from dntorch.cells.kernels import Gauss, gauss_matrix
+from dntorch.cells.kernels import Gauss, gauss_matrix, per_axis
 from dntorch.cells.memory_trace import share
 from dntorch.cosivina.elements import TICK
 from dntorch.cosivina.files import Size
@@ -51,13 +51,13 @@ def _one(label: str, name: str, number: Any) -> float:
 
 def shifted(term: Gauss) -> bool:
     """Whether its middle is not where its cause is."""
-    shift = term.shift if isinstance(term.shift, tuple) else (term.shift,)
+    shift = term.shift if isinstance(term.shift, (tuple, list)) else (term.shift,)
     return any(float(s) != 0 for s in shift)
 
 
 def amplified_matrix(term: Gauss, n: int, border: str) -> Tensor:
     """A term on a line as one matrix."""
-    sigma, shift = (x[0] if isinstance(x, tuple) else x for x in (term.sigma, term.shift))
+    sigma, shift = (per_axis("", x, 1)[0] for x in (term.sigma, term.shift))
     return term.amplitude * gauss_matrix(n, sigma, border, shift, term.cutoff, term.normalized)
 
 
