@@ -130,7 +130,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         for link in map(_as_link, links):
             arms[self._target(link, arms)].append(Arm(link.source, self._projection(link)))
         for each in arms.values():  # sums in one order, in whatever order the links were given
-            each.sort(key=lambda arm: (arm.source, arm.projection.axes))
+            each.sort(key=_rank)
         reads = {label: [arm.source for arm in each] for label, each in arms.items()}
         relays = [label for label, part in parts.items() if isinstance(part, Relay)]
         self.ordered, self.filled = order is not None, filled
@@ -415,6 +415,11 @@ def _stimuli(inputs: Any, like: Tensor) -> dict[str, Tensor]:
         else:
             values[label] = torch.zeros(sites(given, name))
     return values
+
+
+def _rank(arm: Arm) -> tuple[str, ...]:
+    p = arm.projection
+    return arm.source, p.axes, p.reduce, repr(p.border), repr(p._terms)
 
 
 def _as_link(link: Any) -> Link:

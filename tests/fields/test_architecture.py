@@ -108,6 +108,16 @@ def test_elements_and_links_in_any_order_are_the_same_to_the_last_bit():
         assert torch.equal(state[name], states[0][name])
 
 
+def test_links_between_the_same_two_in_any_order_are_the_same_to_the_last_bit():
+    several = [("a", "b", Gauss(3.3, 1.7)), ("a", "b", Gauss(-1.1, 4.3)), ("a", "b", 0.71),
+               ("a", "b", "x -> x", 0.37)]  # fmt: skip
+    states, given = [], {"a": 9 * noise(20, 20).abs(), "b": noise(20, 20, seed=1)}
+    for links in itertools.permutations(several):
+        model = Architecture({"a": DNF(20, dtype=D), "b": DNF(20, dtype=D)}, *links)
+        states.append(rollout(model, given)[1]["b"])
+    assert all(torch.equal(state, states[0]) for state in states)
+
+
 def test_a_ring_has_no_special_place():
     links = [link for link in LINKS if link[0] != "cue"]
     near, far = awake(built(links=links)), built(links=links)
