@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dntorch.cells.stimuli import gauss
     from dntorch.dynamics import Dynamics
     from dntorch.live.serving import view
-    from dntorch.modules.architecture import Architecture, Link
+    from dntorch.modules.architecture import Architecture
     from dntorch.modules.behaviors import ElementaryBehaviors
     from dntorch.modules.constraints import Constraints
     from dntorch.modules.curiosity import Curiosity
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from dntorch.modules.habituation import Habituation
     from dntorch.modules.hebbian import HebbianQ
     from dntorch.modules.learner import Learner
+    from dntorch.modules.links import Link
     from dntorch.modules.memory_trace import MemoryTrace
     from dntorch.modules.node import NodeWTA
     from dntorch.modules.opposition import ValueOpposition
@@ -73,7 +74,7 @@ else:  # the same, later
             "HebbianQ": "modules.hebbian",
             "ItemOrderWM": "modules.working_memory",
             "Learner": "modules.learner",
-            "Link": "modules.architecture",
+            "Link": "modules.links",
             "Matrices": "cells.kernels",
             "MemoryTrace": "modules.memory_trace",
             "NodeWTA": "modules.node",

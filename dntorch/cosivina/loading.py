@@ -10,8 +10,9 @@ from dntorch.cosivina.files import read
 from dntorch.cosivina.network import SOURCES, Node, network
 from dntorch.cosivina.parts import Map
 from dntorch.cosivina.wiring import amplified, fused, synchronous, taken
-from dntorch.modules.architecture import Architecture, Link
+from dntorch.modules.architecture import Architecture
 from dntorch.modules.field import DNF
+from dntorch.modules.links import Link
 from dntorch.modules.memory_trace import MemoryTrace
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay

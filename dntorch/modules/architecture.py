@@ -1,55 +1,22 @@
 """Architectures of fields: any number of them, coupled by links."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor, nn
 
-from dntorch.cells.kernels import Kernel, sites
-from dntorch.checks import check_ends, check_entries, check_named, shown
+from dntorch.checks import check_entries, check_named, shown
 from dntorch.dynamics import Dynamics
-from dntorch.modules.elements import (
-    Arm,
-    Element,
-    Elements,
-    Field,
-    Member,
-    Passing,
-    Stimulus,
-    check_stimulus,
-)
+from dntorch.modules.elements import Arm, Element, Elements, Field, Member, Passing, Stimulus
 from dntorch.modules.field import DNF
-from dntorch.modules.projection import Projection
+from dntorch.modules.labelled import check_inputs, checked, constants, entry_of, shape_of
+from dntorch.modules.links import Coupling, Link, as_link, check_ends_of, projection_of, rank
 from dntorch.modules.relay import Relay
 from dntorch.modules.wiring import backward, escaped, in_order
 
 if TYPE_CHECKING:
     from dntorch.modules.folding import Folded
-
-
-class Link(NamedTuple):
-    """What one element of an architecture gives to another; see `Projection` for the last four.
-
-    ``Link("a", "b", kernel=2.0)``, or the plain tuple ``("a", "b", 2.0)``.
-    """
-
-    source: str
-    target: str
-    axes: Any = None
-    """A pattern; None for the same axes; or a `Projection`, which says all."""
-    kernel: float | Tensor | Kernel = 1.0
-    border: str | Sequence[str] = "circular"
-    reduce: str = "sum"
-
-
-class Coupling(NamedTuple):
-    """A link as it was built."""
-
-    source: str
-    target: str
-    projection: Projection
-    """Its ``kernel`` can be set."""
 
 
 class Architecture(Dynamics[dict[str, Tensor]]):
@@ -115,22 +82,25 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         order: Sequence[str] | None = None,
         filled: bool = True,
     ) -> None:
-        parts = _checked(elements)
+        parts = checked(elements)
         members = [part for part in parts.values() if isinstance(part, Dynamics)]
         super().__init__(members[0].dt)
         self.to(members[0].origin.dtype)
         if not isinstance(filled, bool):
             raise TypeError(f"filled={shown(filled)}: give True or False")
-        stimuli = _stimuli(inputs, self.origin)
+        stimuli = constants(inputs, self.origin)
         for label in stimuli.keys() & parts.keys():
             raise ValueError(f"inputs has {label!r}, which is an element, too: give another name")
         self._shapes = {label: list(x.shape) for label, x in stimuli.items()}
-        self._shapes |= {label: _shape_of(part) for label, part in parts.items()}
+        self._shapes |= {label: shape_of(part) for label, part in parts.items()}
         arms: dict[str, list[Arm]] = {label: [] for label in parts}
-        for link in map(_as_link, links):
-            arms[self._target(link, arms)].append(Arm(link.source, self._projection(link)))
+        for link in map(as_link, links):
+            check_ends_of(link, self._shapes, arms)
+            ends = self._shapes[link.source], self._shapes[link.target]
+            projection = projection_of(link, *ends, self.origin.dtype)
+            arms[link.target].append(Arm(link.source, projection))
         for each in arms.values():  # sums in one order, in whatever order the links were given
-            each.sort(key=_rank)
+            each.sort(key=rank)
         reads = {label: [arm.source for arm in each] for label, each in arms.items()}
         relays = [label for label, part in parts.items() if isinstance(part, Relay)]
         self.ordered, self.filled = order is not None, filled
@@ -146,50 +116,12 @@ class Architecture(Dynamics[dict[str, Tensor]]):
                 element: Element = Passing(label, part, arms[label], label in behind)
             else:
                 kind = Field if type(part) is DNF else Member  # no subclass with a step of its own
-                element = kind(label, part, _entry_of(label, part), arms[label])
+                element = kind(label, part, entry_of(label, part), arms[label])
             self.elements[escaped(label)] = element
         self._entries = [x.label for x in self.elements.values() if x.kept]
         self.to(self.origin.dtype)
 
     # ------------------------------------------------------------- links
-
-    def _target(self, link: Link, targets: Mapping[str, Any]) -> str:
-        for role, label, known in (
-            ("source", link.source, self._shapes),
-            ("target", link.target, targets),
-        ):
-            if not isinstance(label, str) or label not in known:
-                raise ValueError(
-                    f"link {_told(link)}: {role} {label!r} is not there: choose from {list(known)}"
-                )
-        return link.target
-
-    def _projection(self, link: Link) -> Projection:
-        source, target = self._shapes[link.source], self._shapes[link.target]
-        projection = link.axes
-        try:
-            if projection is None:
-                if source != target and isinstance(link.kernel, (int, float, Tensor)):
-                    raise ValueError(
-                        f"shapes {source} and {target} differ: name the axes, such as 'y x -> x'"
-                    )
-                names = " ".join(f"a{k}" for k in range(len(target)))
-                projection = f"{names} -> {names}"
-            if isinstance(projection, str):
-                how = {"border": link.border, "reduce": link.reduce, "dtype": self.origin.dtype}
-                projection = Projection(projection, source, target, link.kernel, **how)
-            if not isinstance(projection, Projection):
-                raise TypeError(
-                    f"axes={shown(projection)} is no pattern: give one such as 'y x -> x'"
-                )
-        except (ValueError, TypeError) as error:
-            raise type(error)(f"link {_told(link)}: {error}") from error
-        if [projection.source, projection.target] != [source, target]:
-            raise ValueError(
-                f"link {_told(link)}: the projection leads from {projection.source} to "
-                f"{projection.target}, the elements have {source} and {target}: build one for them"
-            )
-        return projection
 
     @property
     def links(self) -> list[Coupling]:
@@ -332,13 +264,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         if not torch.jit.is_scripting():
             check_named("inputs", inputs)
             check_entries(state, self._entries, self._shapes)
-        for label, given in inputs.items():
-            if label not in self._shapes:
-                raise ValueError(
-                    f"inputs has '{label}', which is no element: choose from "
-                    f"{list(self._shapes.keys())}"
-                )
-            check_ends(label, given, self._shapes[label])
+        check_inputs(inputs, self._shapes)
         shown = self._shown(inputs, state)
         outputs: dict[str, Tensor] = {}
         ahead: dict[str, Tensor] = {}
@@ -353,84 +279,3 @@ class Architecture(Dynamics[dict[str, Tensor]]):
             if not element.passing:
                 outputs[element.label] = now
         return outputs, ahead
-
-
-def _checked(elements: Mapping[str, Any]) -> dict[str, Any]:
-    if not isinstance(elements, Mapping):
-        raise TypeError(f"elements={shown(elements)} is no mapping: give names and structures")
-    for label, part in elements.items():
-        if not isinstance(label, str) or not label:
-            raise ValueError(f"elements has the name {shown(label)}: give text")
-        if not isinstance(part, (Dynamics, Relay)):
-            raise TypeError(
-                f"elements[{label!r}] is a {type(part).__name__}: give a DNF, NodeWTA, MemoryTrace "
-                "or Relay"
-            )
-    members = {label: part for label, part in elements.items() if isinstance(part, Dynamics)}
-    if not members:
-        raise ValueError(f"elements={list(elements)}: give at least one with a state, such as DNF")
-    first = next(iter(members))
-    for label, part in members.items():  # of which a composite would round all but one
-        own, dtype = part.origin.dtype, members[first].origin.dtype
-        if own != dtype:
-            raise ValueError(
-                f"elements[{label!r}] of dtype {own} does not fit the {dtype} of {first!r}: build "
-                "all with one dtype"
-            )
-    return dict(elements)
-
-
-def _entry_of(label: str, part: Dynamics) -> str:
-    """The name of the one tensor of its state."""
-    names = list(part.flat(part.state))
-    takes = list(part._arguments) and hasattr(part, "euler") and hasattr(part, "output")
-    if len(names) != 1 or not takes:
-        raise ValueError(
-            f"elements[{label!r}], a {type(part).__name__}, has a state of {len(names)} tensors: "
-            "give a structure whose state is one, with euler and output"
-        )
-    return names[0]
-
-
-def _shape_of(part: Any) -> list[int]:
-    if isinstance(part, Relay):
-        return part.shape
-    rest = part.flat(part.state)
-    return list(next(iter(rest.values())).shape[part.origin.dim() :]) if rest else []
-
-
-def _stimuli(inputs: Any, like: Tensor) -> dict[str, Tensor]:
-    """Constants by name, in one dtype."""
-    if inputs is None:
-        return {}
-    check_named("inputs", inputs)
-    values = {}
-    for label, given in inputs.items():
-        if not isinstance(label, str) or not label:
-            raise ValueError(f"inputs has the name {shown(label)}: give text")
-        name = f"inputs[{label!r}]"
-        if isinstance(given, Tensor):
-            check_stimulus(name, given)
-            values[label] = given.detach().to(like, copy=True)
-        else:
-            values[label] = torch.zeros(sites(given, name))
-    return values
-
-
-def _rank(arm: Arm) -> tuple[str, ...]:
-    p = arm.projection
-    return arm.source, p.axes, p.reduce, repr(p.border), repr(p._terms)
-
-
-def _as_link(link: Any) -> Link:
-    if isinstance(link, Link):
-        return link
-    if not isinstance(link, tuple) or not 2 <= len(link) <= len(Link._fields):
-        raise ValueError(f"link {shown(link)}: give (source, target, axes, kernel, border, reduce)")
-    if len(link) == 3 and not isinstance(link[2], (str, Projection, type(None))):
-        return Link(link[0], link[1], None, link[2])
-    return Link(*link)
-
-
-def _told(link: Link) -> str:
-    return f"({shown(link.source)}, {shown(link.target)})"

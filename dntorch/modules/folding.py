@@ -9,11 +9,12 @@ from torch.nn.functional import linear
 
 from dntorch.cells.field import lateral
 from dntorch.cells.functions import sigmoid
-from dntorch.checks import check_ends, check_entries, check_named
+from dntorch.checks import check_entries, check_named
 from dntorch.dynamics import Dynamics
 from dntorch.modules.architecture import Architecture
 from dntorch.modules.elements import Member
 from dntorch.modules.field import DNF
+from dntorch.modules.labelled import check_inputs
 from dntorch.modules.relay import Relay
 from dntorch.plumbing import overwrite
 
@@ -163,13 +164,7 @@ class Folded(Dynamics[dict[str, Tensor]]):
         if not torch.jit.is_scripting():
             check_named("inputs", inputs)
             check_entries(state, self._labels, self._shapes)
-        for label, given in inputs.items():
-            if label not in self._shapes:
-                raise ValueError(
-                    f"inputs has '{label}', which is no element: choose from "
-                    f"{list(self._shapes.keys())}"
-                )
-            check_ends(label, given, self._shapes[label])
+        check_inputs(inputs, self._shapes)
         u = self._together(state)
         target = linear(self._output(u), self.matrix, self.constant)
         if len(inputs) > 0:
