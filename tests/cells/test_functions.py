@@ -95,7 +95,7 @@ def test_steep_sigmoids_tend_to_the_step(kind):
 
 def test_unknown_sigmoid_names_the_known_ones():
     with pytest.raises(
-        ValueError, match=r"tanh.* choose 'abs', 'logistic', 'heaviside' or 'semilinear'"
+        ValueError, match=r"tanh.* choose 'abs', 'logistic', 'heaviside', 'semilinear' or 'linear'"
     ):
         sigmoid(torch.zeros(1), "tanh", 1.0, 0.0)
 
