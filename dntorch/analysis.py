@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.functions import sigmoid
-from dntorch.checks import check_no_nan
+from dntorch.checks import LARGEST, check_no_nan, shown
 from dntorch.modules.field import DNF
 from dntorch.modules.node import NodeWTA
 from dntorch.number import Number
@@ -84,10 +84,11 @@ def fixed_points(
     >>> [len(points) for points in fixed_points(node, torch.tensor([0.0, 2.0, 4.0]))]
     [1, 3, 1]
     """
-    one, inputs = equation(node), _inputs(input)
+    one, inputs = equation(node), as_inputs(input)
+    flat = inputs.reshape(-1)
     find = {"heaviside": _at_jump, "semilinear": _at_kink}.get(one.kind, _between_turns)
-    found = [_above_floor(points, one, s) for points, s in zip(find(one, inputs), inputs.tolist())]
-    return found[0] if not isinstance(input, Tensor) or input.dim() == 0 else found
+    found = [_above_floor(points, one, s) for points, s in zip(find(one, flat), flat.tolist())]
+    return found[0] if inputs.dim() == 0 else found
 
 
 def equation(node: DNF | NodeWTA) -> Node:
@@ -112,17 +113,24 @@ def _single(name: str, number: Number) -> float:
     return float(number)
 
 
-def _inputs(input: float | Tensor) -> Tensor:
-    inputs = torch.as_tensor(input, dtype=torch.float64).detach().cpu()
+def as_inputs(input: float | Tensor) -> Tensor:
+    try:
+        if isinstance(input, (str, bool)) or (isinstance(input, Tensor) and input.is_complex()):
+            raise TypeError
+        inputs = torch.as_tensor(input, dtype=torch.float64).detach().cpu()
+    except (TypeError, ValueError, RuntimeError, OverflowError):
+        raise TypeError(
+            f"input={shown(input)} is no number: give a float, or a tensor (k,)"
+        ) from None
     if inputs.dim() > 1:
         raise ValueError(
             f"input of shape {list(inputs.shape)} has too many dimensions: give a number, or "
             "numbers (k,)"
         )
     check_no_nan("input", inputs)
-    if inputs.isinf().any():
-        raise ValueError(f"input={input} is not finite: give numbers")
-    return inputs.reshape(-1)
+    if bool((inputs.abs() > LARGEST).any()):
+        raise ValueError(f"input={shown(input)} is not finite: give numbers")
+    return inputs
 
 
 def _turns(node: Node) -> list[float]:
@@ -140,8 +148,9 @@ def _turns(node: Node) -> list[float]:
 def _between_turns(node: Node, inputs: Tensor) -> list[list[FixedPoint]]:
     """Fixed points of a smooth node, per input: at most one per monotone piece."""
     turns, rest = _turns(node), inputs + node.h
-    lowest = torch.stack((rest, rest + node.gain)).amin(0) - 1  # f is within 0 and 1
-    highest = torch.stack((rest, rest + node.gain)).amax(0) + 1
+    room = 1 + 1e-9 * rest.abs()  # which rounding leaves of it
+    lowest = torch.stack((rest, rest + node.gain)).amin(0) - room  # f is within 0 and 1
+    highest = torch.stack((rest, rest + node.gain)).amax(0) + room
     if turns:
         lowest, highest = lowest.clamp_max(turns[0] - 1), highest.clamp_min(turns[1] + 1)
     edges = torch.stack([lowest, *(torch.full_like(rest, turn) for turn in turns), highest])

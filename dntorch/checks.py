@@ -1,11 +1,16 @@
 """What inputs and parameters must be; each sentence names argument, value and remedy."""
 
-import math
+from collections.abc import Mapping
+from numbers import Real
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from dntorch.number import Number, span
+
+LARGEST = torch.finfo(torch.float32).max
+"""What is beyond it becomes infinite in float32."""
 
 
 def check_ends(name: str, tensor: Tensor, end: list[int]) -> None:
@@ -40,7 +45,7 @@ def check_time_constant(name: str, tau: Number, dt: float) -> None:
 
 def check_positive(name: str, number: Number, remedy: str = "give a number above 0") -> None:
     """Raise unless a number, or each of many, is above zero."""
-    low = None if number is None else span(number)[0]
+    low = None if number is None else span(_number(name, number))[0]
     if low is None or not low > 0:
         raise ValueError(f"{name}={low} must be positive: {remedy}")
 
@@ -54,9 +59,9 @@ def check_negative(name: str, number: Number, why: str) -> None:
 
 def check_count(name: str, number: int, least: int = 1) -> None:
     """Raise unless a number is whole and large enough."""
-    if not isinstance(number, int) or isinstance(number, bool) or number < least:
+    if not isinstance(number, int) or isinstance(number, bool) or not least <= number < 2**63:
         words = ("none", "one", "two")
-        raise ValueError(f"{name}={number!r}: give at least {words[least]}, a whole number")
+        raise ValueError(f"{name}={shown(number)}: give at least {words[least]}, a whole number")
 
 
 def check_states(n: int, states: int | None) -> int:
@@ -72,10 +77,54 @@ def check_states(n: int, states: int | None) -> int:
 
 
 def check_finite_number(name: str, number: float) -> None:
-    """Raise unless it is one finite number."""
+    """Raise unless it is one finite number, which a float holds."""
     whole = isinstance(number, int | float) and not isinstance(number, bool)
-    if not whole or not math.isfinite(number):
-        raise ValueError(f"{name}={number!r} is not finite: give a number")
+    if not whole or not abs(number) <= LARGEST:
+        raise ValueError(f"{name}={shown(number)} is not finite: give a number")
+
+
+def check_dtype(name: str, tensor: Tensor, dtype: torch.dtype) -> None:
+    """Raise unless an input has the dtype of what takes it; some of it would round in silence."""
+    if tensor.dtype != dtype:
+        raise ValueError(
+            f"{name} of dtype {tensor.dtype} does not fit {dtype}: give {name}.to({dtype}), or "
+            "build the structure with another dtype"
+        )
+
+
+def check_named(name: str, given: Any) -> None:
+    """Raise unless tensors come by name."""
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{name} is a {type(given).__name__}: give a dict by name")
+
+
+def check_entries(state: Any, labels: list[str], shapes: dict[str, list[int]]) -> None:
+    """Raise unless a state by name has a tensor for each of ``labels``, of its shape."""
+    check_named("state", state)
+    for label in labels:
+        if label not in state:
+            raise ValueError(f"state has no {label!r}: give what state or initial(batch) is")
+        check_ends(label, state[label], shapes[label])
+
+
+def check_floats(dtype: Any) -> None:
+    """Raise unless it is a dtype of real floats, or None."""
+    if dtype is not None and not (isinstance(dtype, torch.dtype) and dtype.is_floating_point):
+        raise TypeError(f"dtype={shown(dtype)} has no floats: give torch.float32 or torch.float64")
+
+
+def _number(name: str, number: Any) -> Any:
+    """A number, or a tensor of numbers; or raise."""
+    real = isinstance(number, Real) and not isinstance(number, bool)
+    if not real and not (isinstance(number, Tensor) and not number.is_complex()):
+        raise TypeError(f"{name}={shown(number)} is no number: give a float")
+    return number
+
+
+def shown(value: Any) -> str:
+    """A value in one line, cut where it is long."""
+    text = " ".join(repr(value)[:400].split())
+    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def check_real(name: str, tensor: Tensor) -> None:

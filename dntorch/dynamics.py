@@ -114,9 +114,9 @@ class Dynamics(Snapshots, Generic[S], metaclass=_Complete):
 
     def __init__(self, dt: float) -> None:
         super().__init__()
-        if not isinstance(dt, str) and not dt > 0:
-            raise ValueError(f"dt={dt} must be positive: give seconds per step, such as dt=1/32")
         self.dt = dt
+        if not self.dt > 0:
+            raise ValueError(f"dt={dt} must be positive: give seconds per step, such as dt=1/32")
         self.register_buffer("origin", torch.zeros(()), persistent=False)
 
     def _complete(self) -> None:
@@ -184,13 +184,6 @@ class Dynamics(Snapshots, Generic[S], metaclass=_Complete):
         for _, part in _direct_parts(self):
             part.resize(*batch)
         return self
-
-    # ------------------------------------------------------------- copies
-
-    def __getstate__(self) -> dict[str, Any]:
-        # A kernel made of tensors that want gradients is a buffer within their graph.
-        cut = {k: x if x is None else x.detach() for k, x in self._buffers.items()}
-        return self.__dict__ | {"_buffers": cut}
 
 
 def _direct_parts(module: nn.Module, prefix: str = "") -> list[tuple[str, Dynamics]]:

@@ -19,7 +19,7 @@ from dntorch.cells.codes import Bound
 from dntorch.cells.kernels import per_axis
 from dntorch.cells.readout import Border, field_of
 from dntorch.cells.stimuli import gauss
-from dntorch.checks import check_finite_number, check_no_nan, check_real, check_within
+from dntorch.checks import check_finite_number, check_no_nan, check_real, check_within, shown
 
 REACH = 3.0
 """Sigmas from where a peak shall be within which more sites may be on."""
@@ -72,8 +72,9 @@ def peak_loss(
     borders, shape = _checked(u, border, threshold, reduction)
     batch = list(u.shape[: u.dim() - len(shape)])
     for width in per_axis("sigma", sigma, len(shape)):
-        if not width >= 1:
-            raise ValueError(f"sigma={width} is less than one site: give at least 1")
+        real = isinstance(width, int | float) and not isinstance(width, bool)
+        if not real or not 1 <= width < math.inf:
+            raise ValueError(f"sigma={shown(width)} is less than one site: give at least 1")
     places = _places(position, batch, border, len(shape))
     for place, n, word in zip(places, shape, borders, strict=True):
         if word == "zero":
@@ -109,10 +110,12 @@ def no_peak_loss(
 def _checked(
     u: Tensor, border: Border, threshold: float, reduction: str
 ) -> tuple[tuple[str, ...], list[int]]:
-    if reduction not in ("mean", "sum", "none"):
-        raise ValueError(f"reduction={reduction!r} is unknown: choose 'mean', 'sum' or 'none'")
+    if not isinstance(reduction, str) or reduction not in ("mean", "sum", "none"):
+        raise ValueError(f"reduction={shown(reduction)} is unknown: choose 'mean', 'sum' or 'none'")
     check_finite_number("threshold", threshold)
     borders, shape = field_of("u", u, border)
+    if abs(threshold) > torch.finfo(u.dtype).max:
+        raise ValueError(f"threshold={threshold} is not finite in {u.dtype}: give a smaller one")
     check_no_nan("u", u)
     return borders, shape
 

@@ -101,7 +101,14 @@ class Memory(Parameters):
         for part in self._structures():
             shapes += [number.shape for number in part._numbers().values()]
             shapes += [x.shape[: x.dim() - part._rank[k]] for k, x in part._memory().items()]
-        return torch.broadcast_shapes(*shapes)
+        try:
+            return torch.broadcast_shapes(*shapes)
+        except RuntimeError:
+            several = sorted({tuple(shape) for shape in shapes if shape})
+            raise ValueError(
+                f"numbers per agent, or what parts learned, are for batches {several}: give all "
+                "the same batch"
+            ) from None
 
     def _apply(self, fn: Any, recurse: bool = True) -> "Memory":
         with torch.inference_mode(False):

@@ -4,6 +4,7 @@ import ast
 import inspect
 import itertools
 import linecache
+import math
 import textwrap
 from collections.abc import Callable
 from typing import TypeVar
@@ -61,5 +62,7 @@ def plus(x: Tensor, gain: Number, y: Tensor) -> Tensor:
 def span(number: Number) -> tuple[float, float]:
     """The smallest and the largest of one or many numbers."""
     if isinstance(number, Tensor):
+        if number.numel() == 0:  # of a batch without members: nothing is too small or too large
+            return math.inf, -math.inf
         return float(number.detach().min()), float(number.detach().max())
     return number, number

@@ -2,12 +2,12 @@
 
 import difflib
 import inspect
-import math
 from typing import Any, ClassVar, get_args
 
 import torch
 from torch import Tensor, nn
 
+from dntorch.checks import LARGEST, shown
 from dntorch.number import Number
 
 _MANY = (Number, Number | None)
@@ -54,6 +54,11 @@ class Parameters(Lasting):
             named = [each for each in own if each.kind not in _COLLECTED]
             cls._arguments = cls._arguments | {each.name: each for each in named}
             cls.__signature__ = signature.replace(parameters=own)  # ``help`` asks the metaclass
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A kernel made of tensors that want gradients is a buffer within their graph.
+        cut = {k: x if x is None else x.detach() for k, x in self._buffers.items()}
+        return self.__dict__ | {"_buffers": cut}
 
     def check(self) -> None:
         """Raise unless the parameters fit each other; called when one of them was set."""
@@ -154,12 +159,15 @@ class Parameters(Lasting):
             raise TypeError(f"{name}={named(value)} is no {parts[0].__name__}: give one")
         if argument.annotation not in _NUMERIC or (value is None and default is None):
             return value
+        if isinstance(value, Tensor) and (value.is_complex() or value.dtype == torch.bool):
+            raise TypeError(f"{name} of dtype {value.dtype} is no number: give floats")
         if isinstance(value, Tensor) and argument.annotation in _MANY:
-            if not value.is_meta and not bool(value.isfinite().all()):
+            like = self._buffers.get("origin", torch.zeros(()))
+            held = value.to(like)  # where a large one becomes infinite
+            if not value.is_meta and not bool(held.isfinite().all()):
                 raise ValueError(f"{name}={value.tolist()} is not finite: give numbers")
             own = isinstance(value, nn.Parameter)  # which an optimizer may already hold
-            like = self._buffers.get("origin", torch.zeros(()))
-            return value if own else value.to(like).clone()  # the caller may change his
+            return value if own else held.clone()  # the caller may change his
         if isinstance(value, Tensor) and value.numel() != 1:
             raise ValueError(
                 f"{name}={value.tolist()}: give one number for all agents, or annotate it Number"
@@ -168,10 +176,12 @@ class Parameters(Lasting):
             if isinstance(value, (bool, str)):
                 raise TypeError
             number = float(value)
+        except OverflowError:
+            raise ValueError(f"{name}={shown(value)} is not finite: give a number") from None
         except (TypeError, ValueError):
             many = ", or a tensor with one per agent" if argument.annotation in _MANY else ""
-            raise TypeError(f"{name}={value!r} is no number: give a float{many}") from None
-        if not math.isfinite(number) and number != default:
+            raise TypeError(f"{name}={shown(value)} is no number: give a float{many}") from None
+        if not abs(number) <= LARGEST and number != default:
             raise ValueError(f"{name}={value} is not finite: give a number")
         return number
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from dntorch.analysis import equation, fixed_points
+from dntorch.analysis import as_inputs, equation, fixed_points
 from dntorch.cells.field import lateral
 from dntorch.cells.kernels import assemble
 from dntorch.cells.readout import Border, field_of
 from dntorch.cells.readout import peaks as find_peaks
-from dntorch.checks import check_no_nan, check_positive, check_real
+from dntorch.checks import check_finite_number, check_no_nan, check_positive, check_real
 from dntorch.extras import require
 from dntorch.modules.field import DNF
 from dntorch.modules.node import NodeWTA
@@ -46,6 +46,7 @@ def space_time(
         ImportError: Matplotlib is missing.
     """
     values = _shown("field", field, 2, "(time, n): one line, or the maximum over the other axes")
+    check_finite_number("dt", dt)
     check_positive("dt", dt, "give seconds per step")
     ax = _axes(ax, (8, 3.6))
     steps, n = values.shape
@@ -77,6 +78,7 @@ def peaks(
             f"u of shape {list(u.shape)} is no single line or sheet of {len(shape)} axes: give one "
             "field, and a border per axis"
         )
+    u = u.float() if u.dtype == torch.bfloat16 else u  # which NumPy does not know
     found, values = find_peaks(u, threshold, border), u.detach().cpu()
     center = found.center.detach().cpu()
     ax = _axes(ax, (6, 3.6))
@@ -150,7 +152,7 @@ def phase(node: DNF | NodeWTA, input: float | Tensor = 0.0, ax: "Axes | None" = 
         TypeError, ValueError: as `dntorch.fixed_points`.
         ImportError: Matplotlib is missing.
     """
-    inputs = torch.atleast_1d(torch.as_tensor(input, dtype=torch.float64).detach().cpu())
+    inputs = torch.atleast_1d(as_inputs(input))
     points = fixed_points(node, inputs)
     one, ends = equation(node), [u for each in points for u, _ in each]
     low, high = min([*ends, one.threshold]), max([*ends, one.threshold])
@@ -175,6 +177,8 @@ def phase(node: DNF | NodeWTA, input: float | Tensor = 0.0, ax: "Axes | None" = 
 def _axes(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
     require("matplotlib")
     if ax is not None:
+        if not hasattr(ax, "imshow"):
+            raise TypeError(f"ax is a {type(ax).__name__}: give Axes of Matplotlib, or None")
         return ax
     from matplotlib.figure import Figure
 
@@ -205,4 +209,6 @@ def _shown(name: str, tensor: Tensor, dims: int, form: str) -> Tensor:
     check_no_nan(name, tensor)
     if tensor.dim() != dims or not tensor.numel():
         raise ValueError(f"{name} of shape {list(tensor.shape)} can't be drawn: give {form}")
-    return tensor.detach().cpu()
+    return (
+        tensor.detach().cpu().float() if tensor.dtype == torch.bfloat16 else tensor.detach().cpu()
+    )

@@ -60,8 +60,8 @@ class Snapshots(Memory):
     # ------------------------------------------------------------- state
 
     @torch.jit.unused
-    def _require_state(self, state: Any) -> None:
-        """Raise unless a state is one of this structure, in its batch."""
+    def _require_names(self, state: Any) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        """Raise unless a state has the tensors of this structure; its own and those given."""
         held = self._named(self.state)
         try:
             given = dict(self._named(state))
@@ -76,11 +76,20 @@ class Snapshots(Memory):
                     f"the state {_lacks(name, type(self).__name__, name in held)}: give what "
                     "state or initial(batch) is"
                 )
+        for name, value in given.items():
+            if not isinstance(value, Tensor):
+                raise TypeError(f"{name} in the state is a {type(value).__name__}: give a tensor")
+            if value.is_complex():
+                raise TypeError(f"{name} in the state of dtype {value.dtype}: give floats")
+        return held, given
+
+    @torch.jit.unused
+    def _require_state(self, state: Any) -> None:
+        """Raise unless a state is one of this structure, in its batch."""
+        held, given = self._require_names(state)
         learned = self._learned()
         for name, own in held.items():
             value = given[name]
-            if not isinstance(value, Tensor):
-                raise TypeError(f"{name} in the state is a {type(value).__name__}: give a tensor")
             if value.shape != own.shape:
                 remedy = "spread(*batch) to give each its own" if name in learned else (
                     "resize(*batch) with the batch of the inputs first"

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 from torch.utils._pytree import tree_flatten, tree_map, tree_unflatten
 
+from dntorch.checks import shown
 from dntorch.dynamics import Dynamics
 
 
@@ -23,21 +24,30 @@ def rollout(structure: Dynamics, inputs: Any, state: Any = None) -> tuple[Any, A
         the inputs, the state and the numbers of kernels.
 
     Raises:
-        ValueError: inputs without a common axis of time.
+        ValueError: inputs without a common axis of time, a state that lacks something.
+        TypeError: inputs or a state that are no tensors, what has no step.
 
     >>> from dntorch import DNF
     >>> outputs, states = rollout(DNF(5), torch.zeros(3, 5))
     >>> states.u.shape
     torch.Size([3, 5])
     """
+    if not hasattr(structure, "step"):
+        raise TypeError(f"structure is a {type(structure).__name__}: give one with a step")
     each = inputs if isinstance(inputs, tuple) else (inputs,)
+    for x in tree_flatten(each)[0]:
+        if not isinstance(x, Tensor):
+            raise TypeError(f"inputs has {shown(x)}: give tensors with a leading axis of time")
     lengths = {len(x) if x.dim() else 0 for x in tree_flatten(each)[0]}
     if len(lengths) != 1 or not all(lengths):
         raise ValueError(
             f"inputs have lengths {sorted(lengths)}: give each a leading axis of as many steps, "
             "and zeros if there is nothing else to give"
         )
-    state = structure.state if state is None else state
+    if state is None:
+        state = structure.state
+    elif isinstance(structure, Dynamics):
+        structure._require_names(state)
     outputs, states = [], []
     leaves, spec = tree_flatten(each)
     for row in zip(*leaves):

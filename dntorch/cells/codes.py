@@ -14,11 +14,10 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dntorch.cells.kernels import per_axis
+from dntorch.cells.kernels import per_axis, sites
 from dntorch.cells.readout import Border, center_of_mass, field_of, words
 from dntorch.cells.stimuli import gauss
 from dntorch.checks import (
-    check_count,
     check_finite_number,
     check_no_nan,
     check_real,
@@ -70,10 +69,7 @@ def space_code(
     >>> space_code(torch.tensor(90.0), 8, 0.0, 360.0, 1.0).argmax()
     tensor(2)
     """
-    line = isinstance(shape, int)
-    sizes = [shape] if isinstance(shape, int) else list(shape)
-    for n in sizes:
-        check_count("shape", n)
+    line, sizes = isinstance(shape, int), sites(shape)
     borders = words(border) * (len(sizes) if isinstance(border, str) else 1)
     scales = _scales(low, high, borders, sizes)
     check_finite_number("amplitude", amplitude)
@@ -123,7 +119,7 @@ def rate_code(
     **A silent field** has no value. The result is ``silent``, and its gradient is zero; without
     this rule the tiny outputs of a resting field would give an arbitrary number. The same holds
     for a ring that is on evenly all around. Where the difference matters give
-    ``silent=math.nan``, or ask ``output.amax(-1) > 0.5``. NaN in the output gives NaN.
+    ``silent=math.nan``, or ask ``output.amax(-1) > 0.5``. What is not finite gives NaN.
 
     **Error.** ``rate_code(space_code(value, n, low, high, sigma), low, high)`` is ``value``
     within 1e-5 of a site for a sigma from 1 to n/10 (in float64; float32 rounds to about 1e-7 of
@@ -144,6 +140,8 @@ def rate_code(
     borders, shape = field_of("output", output, border)
     scales = _scales(low, high, borders, shape)
     check_finite_number("threshold", threshold)
+    if silent is not None and not (isinstance(silent, float) and math.isnan(silent)):
+        check_finite_number("silent", silent)
     if negative := count(output < 0):
         raise ValueError(f"output has {negative} numbers below 0: give f(u), not the activation u")
     dims = list(range(-len(shape), 0))
@@ -154,7 +152,7 @@ def rate_code(
         center = center_of_mass(line, word)
         rest = a + step * (n if word == "circular" else n - 1) / 2 if silent is None else silent
         value = torch.where(is_silent | center.isnan(), rest, a + step * center)
-        values.append(torch.where(line.isnan().any(-1), math.nan, value))
+        values.append(torch.where(line.isfinite().all(-1), value, math.nan))
     return values[0] if isinstance(border, str) else torch.stack(values, -1)
 
 

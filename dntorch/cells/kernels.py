@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from dntorch.checks import shown
 from dntorch.number import span
 
 
@@ -47,6 +48,9 @@ class Matrices(NamedTuple):
 
 Kernel = Sequence[Gauss | Global | Matrices]
 
+LARGEST = 2**31
+"""Numbers of a matrix, beyond which no memory holds it."""
+
 SELECTIVE: Kernel = (Gauss(20.0, 3.0), Global(-1.0))
 """Decides between two inputs, and lets go of the winner when its input goes."""
 
@@ -68,12 +72,15 @@ def gauss_matrix(
     ``zero`` border the kernel keeps its form, wherever it is shifted, and reaches over the
     edge, where nothing is. Differentiable in ``sigma`` and ``shift``.
     """
-    if border not in ("circular", "zero"):
-        raise ValueError(f"border={border!r} is unknown: choose 'circular' or 'zero'")
+    borders_of(border, 1)
+    for name, number in (("sigma", sigma), ("shift", shift), ("cutoff", cutoff)):
+        _check_one(name, number)
     (width, _), (place, _) = span(sigma), span(shift)
     if not (width >= 0 and cutoff > 0):
         raise ValueError(f"sigma={width} is negative, or cutoff={cutoff} not positive: give widths")
-    sites, reach = torch.arange(1 - n, n, dtype=torch.float64), math.ceil(cutoff * width)
+    # What reaches farther than all sites reaches all, from wherever it is shifted.
+    reach = math.ceil(min(cutoff * width, 2.0 * n + abs(place)))
+    sites = torch.arange(1 - n, n, dtype=torch.float64)
 
     def bell(distance: Tensor) -> Tensor:
         if width == 0:
@@ -108,7 +115,10 @@ def assemble(
         ValueError: a term that is none or has no effect; the sentence shows it.
     """
     axes, source = len(shape), shape if source is None else source
-    borders = per_axis("border", border, axes)
+    borders = borders_of(border, axes)
+    for to, came in zip(shape, source, strict=True):
+        if to * came > LARGEST:
+            raise ValueError(f"{to} by {came} sites are too many for a matrix: take fewer")
     total, terms = 0.0, []
     for term in as_terms(kernel):
         try:
@@ -140,7 +150,8 @@ def as_terms(kernel: Any) -> tuple[Gauss | Global | Matrices, ...]:
     terms = tuple(kernel) if isinstance(kernel, Sequence) and not isinstance(kernel, str) else None
     if terms is None or not all(isinstance(term, Gauss | Global | Matrices) for term in terms):
         raise ValueError(
-            f"kernel={kernel!r} is no kernel: give terms, such as (Gauss(20.0, 3.0), Global(-1.0))"
+            f"kernel={shown(kernel)} is no kernel: give terms, such as (Gauss(20.0, 3.0), "
+            "Global(-1.0))"
         )
     return terms
 
@@ -177,14 +188,18 @@ def _given_matrices(term: Matrices, shape: list[int], source: list[int]) -> list
 def _check_finite(term: Gauss | Global | Matrices) -> None:
     for name, value in term._asdict().items():
         for each in value if isinstance(value, (tuple, list)) else (value,):
-            try:
-                number = torch.as_tensor(each, dtype=torch.float64).detach()
-            except (TypeError, ValueError, RuntimeError):
-                raise ValueError(f"{name} is no number: give floats") from None
-            if number.numel() != 1 and not isinstance(term, Matrices):
-                raise ValueError(f"{name} has {number.numel()} numbers: give one")
-            if not bool(number.isfinite().all()):
-                raise ValueError(f"{name} is not finite: give numbers")
+            _check_one(name, each, isinstance(term, Matrices))
+
+
+def _check_one(name: str, value: Any, many: bool = False) -> None:
+    try:
+        number = torch.as_tensor(value, dtype=torch.float64).detach()
+    except (TypeError, ValueError, RuntimeError, OverflowError):
+        raise ValueError(f"{name} is no number: give floats") from None
+    if number.numel() != 1 and not many:
+        raise ValueError(f"{name} has {number.numel()} numbers: give one")
+    if not bool(number.isfinite().all()):
+        raise ValueError(f"{name} is not finite: give numbers")
 
 
 def _shown(term: Gauss | Global | Matrices) -> str:
@@ -198,9 +213,33 @@ def _shown(term: Gauss | Global | Matrices) -> str:
     return f"{type(term).__name__}({', '.join(f'{k}={v}' for k, v in numbers.items())})"
 
 
+def borders_of(border: str | Sequence[str], axes: int) -> tuple[str, ...]:
+    """A border for each axis; or raise."""
+    borders = per_axis("border", border, axes)
+    several = isinstance(border, (tuple, list))
+    for word in borders if several else (border,):
+        if not isinstance(word, str) or word not in ("circular", "zero"):
+            raise ValueError(f"border={shown(word)} is unknown: choose 'circular' or 'zero'")
+    return borders
+
+
 def per_axis(name: str, value, axes: int) -> tuple:
     """``value`` for each axis: repeated if there is one for all."""
     values = tuple(value) if isinstance(value, (tuple, list)) else (value,) * axes
     if len(values) != axes:
         raise ValueError(f"{name}={value} has {len(values)} entries for {axes} axes: give one each")
     return values
+
+
+def sites(shape: int | Sequence[int], name: str = "shape") -> list[int]:
+    """Sites of each axis, an int for one axis."""
+    whole = isinstance(shape, int) and not isinstance(shape, bool)
+    several = isinstance(shape, Sequence) and not isinstance(shape, (str, bytes))
+    given = [shape] if whole else list(shape) if several else [0]
+    if not all(isinstance(n, int) and not isinstance(n, bool) and n >= 1 for n in given):
+        raise ValueError(
+            f"{name}={shown(shape)}: give a number of sites, at least one, for each axis"
+        )
+    if math.prod(given) > LARGEST:
+        raise ValueError(f"{name}={shown(shape)}: these are too many sites, give fewer")
+    return given

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dntorch.checks import check_finite_number, check_no_nan, check_real
+from dntorch.checks import check_finite_number, check_no_nan, check_real, shown
 
 Border = str | Sequence[str]
 
@@ -102,7 +102,7 @@ def center_of_mass(output: Tensor, border: str = "zero") -> Tensor:
     >>> center_of_mass(torch.tensor([3.0, 0.0, 0.0, 0.0, 0.0, 3.0]), "circular")
     tensor(5.5000)
     """
-    n = output.shape[-1]
+    _, (n,) = field_of("output", output, border if isinstance(border, str) else (border,))
     waves = torch.stack([(output * wave).sum(-1) for wave in _waves(n, border, output)])
     return _position(waves, output.sum(-1), n, border)
 
@@ -121,10 +121,11 @@ def field_of(name: str, field: Tensor, border: Border) -> tuple[tuple[str, ...],
 
 def words(border: Border) -> tuple[str, ...]:
     """One border per axis; one word alone is that of a line."""
-    borders = (border,) if isinstance(border, str) else tuple(border)
+    several = isinstance(border, Sequence)
+    borders = (border,) if isinstance(border, str) or not several else tuple(border)
     for word in borders:
-        if word not in ("circular", "zero"):
-            raise ValueError(f"border={word!r} is unknown: choose 'circular' or 'zero'")
+        if not isinstance(word, str) or word not in ("circular", "zero"):
+            raise ValueError(f"border={shown(word)} is unknown: choose 'circular' or 'zero'")
     if not borders:
         raise ValueError("border=() has no axis: give a word per axis, such as 'circular'")
     return borders

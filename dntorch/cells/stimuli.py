@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dntorch.cells.kernels import per_axis
-from dntorch.checks import count
-from dntorch.number import Number, span
+from dntorch.cells.kernels import borders_of, per_axis, sites
+from dntorch.checks import LARGEST, count, shown
+from dntorch.number import Number
 
 
 def gauss(
@@ -38,22 +38,27 @@ def gauss(
     >>> gauss(5, 1.0, 1.0, 2.0).round(decimals=2)
     tensor([1.2100, 2.0000, 1.2100, 0.2700, 0.2700])
     """
-    sizes = [shape] if isinstance(shape, int) else list(shape)
-    axes = len(sizes)
+    sizes = sites(shape)
+    axes, borders = len(sizes), borders_of(border, len(sizes))
     if axes == 0:
         raise ValueError("shape=() is a node: its stimulus is a number")
     numbers = [amplitude, *per_axis("position", position, axes), *per_axis("sigma", sigma, axes)]
     for name, number in zip(["amplitude"] + ["position"] * axes + ["sigma"] * axes, numbers):
         _check_number(name, number)
+    shapes = [x.shape for x in numbers if isinstance(x, Tensor)]
+    try:
+        torch.broadcast_shapes(*shapes)
+    except RuntimeError:
+        raise ValueError(
+            f"position, sigma and amplitude have batches {[list(x) for x in shapes]}, which do not "
+            "fit each other: give all the same, or one number"
+        ) from None
     given = [x for x in numbers if isinstance(x, Tensor) and x.is_floating_point()]
     total = amplitude if isinstance(amplitude, Tensor) else torch.tensor(float(amplitude))
-    if given:
-        total = total.to(given[0])
+    total = total.to(given[0]) if given else total.to(torch.get_default_dtype())
     total = total.reshape(list(total.shape) + [1] * axes)
-    each = zip(sizes, numbers[1 : 1 + axes], numbers[1 + axes :], per_axis("border", border, axes))
+    each = zip(sizes, numbers[1 : 1 + axes], numbers[1 + axes :], borders)
     for axis, (n, middle, width, edge) in enumerate(each):
-        if edge not in ("circular", "zero"):
-            raise ValueError(f"border={edge!r} is unknown: choose 'circular' or 'zero'")
         site = torch.arange(n, dtype=total.dtype, device=total.device)
         site = site.reshape([n] + [1] * (axes - 1 - axis))
         distance = site - _column(middle, axes)
@@ -64,12 +69,20 @@ def gauss(
 
 
 def _check_number(name: str, number: Number) -> None:
-    if isinstance(number, (bool, str)) or not isinstance(number, (int, float, Tensor)):
-        raise ValueError(f"{name}={number!r} is no number: give a float, or a tensor (*batch,)")
-    if count(~torch.as_tensor(number).isfinite()):
-        raise ValueError(f"{name}={number} is not finite: give numbers")
-    if name == "sigma" and not span(number)[0] > 0:
-        raise ValueError(f"sigma={number} must be positive: give a width in sites")
+    if isinstance(number, Tensor):
+        if number.is_complex() or number.dtype == torch.bool:
+            raise ValueError(f"{name} of dtype {number.dtype} is no number: give floats")
+        finite, positive = not count(~number.isfinite()), not count(~(number > 0))
+    else:
+        if isinstance(number, bool) or not isinstance(number, (int, float)):
+            raise ValueError(
+                f"{name}={shown(number)} is no number: give a float, or a tensor (*batch,)"
+            )
+        finite, positive = abs(number) <= LARGEST, number > 0
+    if not finite:
+        raise ValueError(f"{name}={shown(number)} is not finite: give numbers")
+    if name == "sigma" and not positive:
+        raise ValueError(f"sigma={shown(number)} must be positive: give a width in sites")
 
 
 def _column(number: Number, axes: int) -> Number:

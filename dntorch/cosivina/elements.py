@@ -126,8 +126,8 @@ def sum_over(element: Element, delta_t: float) -> Parts:
     """Over chosen axes, times a gain; those that are left may change places."""
     size = element.size()
     return {"output": Part("sums", size, options={
-        "over": [int(k) for k in element.numbers("sumDimensions")],
-        "order": [int(k) for k in element.numbers("dimensionOrder", list(range(1, len(size) + 1)))],
+        "over": element.wholes("sumDimensions"),
+        "order": element.wholes("dimensionOrder", list(range(1, len(size) + 1))),
         "gain": element.number("amplitude", 1.0),
     })}  # fmt: skip
 
@@ -145,7 +145,7 @@ def expand(element: Element, delta_t: float) -> Parts:
 def expand_any(element: Element, delta_t: float) -> Parts:
     """Axis k of the input becomes axis ``dimensionMapping(k)`` of the output."""
     size, into = element.size("inputSize"), element.size("outputSize")
-    where = [int(k) for k in element.numbers("dimensionMapping")]
+    where = element.wholes("dimensionMapping")
     sizes = size[-1:] if len(where) == 1 else size
     fits = len(where) == len(sizes) and all(1 <= k <= len(into) for k in where)
     if not fits or any(n not in (1, into[k - 1]) for n, k in zip(sizes, where)):
@@ -157,9 +157,17 @@ def expand_any(element: Element, delta_t: float) -> Parts:
     return {"output": Part("map", into, Map(came, names(into)), size)}
 
 
+def _plane(element: Element) -> Size:
+    """A size of two axes."""
+    size = element.size()
+    if len(size) != 2:
+        raise element.error(f"size={list(size)} is no plane: give two numbers")
+    return size
+
+
 def transpose(element: Element, delta_t: float) -> Parts:
     """Rows become columns."""
-    size = element.size()
+    size = _plane(element)
     before = size[::-1]
     turned = Map(names(before), tuple("yx"["xy".index(name)] for name in names(size)))
     return {"output": Part("map", size, turned, before)}
@@ -181,7 +189,7 @@ def diagonal_expansion(element: Element, delta_t: float) -> Parts:
 
 def weights(element: Element, delta_t: float) -> Parts:
     """A row times a matrix ``(from, to)``."""
-    came, goes = element.size()
+    came, goes = _plane(element)
     flat = element.numbers("weights")
     if len(flat) != came * goes or came == 1:
         raise element.error(

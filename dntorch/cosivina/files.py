@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from dntorch.cells.kernels import LARGEST as SITES
+from dntorch.checks import LARGEST, shown
 from dntorch.files import write_atomically
 
 Size = tuple[int, ...]
@@ -25,7 +27,8 @@ class Element(NamedTuple):
 
     def error(self, what: str) -> ValueError:
         """What is wrong with it, for people."""
-        return ValueError(f"{self.file}: element {self.label!r} of class {self.kind}: {what}")
+        kind = self.kind if self.kind.isprintable() else shown(self.kind)
+        return ValueError(f"{self.file}: element {shown(self.label)} of class {kind}: {what}")
 
     def value(self, name: str, default: Any = None) -> Any:
         """A parameter as it is written; a default takes the place of one that is missing."""
@@ -38,7 +41,8 @@ class Element(NamedTuple):
         (value, *more) = self.numbers(name, default) or [math.nan]
         if more or not least <= value < math.inf:
             limit = f" of at least {least:g}" if least > -math.inf else ""
-            raise self.error(f"{name}={self.value(name, default)!r}: give one number{limit}")
+            given = shown(self.value(name, default))
+            raise self.error(f"{name}={given}: give one number{limit}")
         return value
 
     def positive(self, name: str) -> float:
@@ -50,9 +54,19 @@ class Element(NamedTuple):
     def numbers(self, name: str, default: Any = None) -> list[float]:
         """A parameter that is a vector, written as a row, as a column or as one number."""
         flat = _flat(self.value(name, default))
-        if not all(isinstance(x, int | float) for x in flat):
-            raise self.error(f"{name}={self.value(name, default)!r}: give numbers")
+        for x in flat:
+            if not isinstance(x, int | float):
+                raise self.error(f"{name}={shown(self.value(name, default))}: give numbers")
+            if not abs(x) <= LARGEST:
+                raise self.error(f"{name}={shown(x)} is not finite: give numbers")
         return [float(x) for x in flat]
+
+    def wholes(self, name: str, default: Any = None) -> list[int]:
+        """A parameter that is a vector of whole numbers."""
+        flat = self.numbers(name, default)
+        if any(x != int(x) for x in flat):
+            raise self.error(f"{name}={shown(self.value(name, default))}: give whole numbers")
+        return [int(x) for x in flat]
 
     def flag(self, name: str, default: bool = True) -> bool:
         """A parameter that is 0 or 1."""
@@ -62,7 +76,10 @@ class Element(NamedTuple):
         """A parameter that is a size; one number is the length of a line."""
         sizes = self.numbers(name)
         if not sizes or not all(n >= 1 and n == int(n) for n in sizes):
-            raise self.error(f"{name}={self.value(name)!r}: give the number of sites per axis")
+            given = shown(self.value(name))
+            raise self.error(f"{name}={given}: give the number of sites per axis")
+        if math.prod(sizes) > SITES:
+            raise self.error(f"{name}={shown(self.value(name))}: these are too many sites")
         whole = [int(n) for n in sizes]
         return tuple(whole) if len(whole) > 1 else (1, *whole)
 
@@ -82,9 +99,10 @@ def read(path: str | Path) -> Simulator:
 
     Raises:
         OSError: the file can't be read.
+        TypeError: ``path`` is no path.
         ValueError: broken JSON, another kind of file, labels that repeat, inputs from nowhere.
     """
-    file = Path(path).name
+    file = name_of(path)
     try:
         whole = json.loads(Path(path).read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -94,6 +112,27 @@ def read(path: str | Path) -> Simulator:
             f"{file} is no JSON: {error.msg} in line {error.lineno}, column {error.colno}; "
             "save it again in COSIVINA"
         ) from None
+    except ValueError as error:  # a number of thousands of digits
+        raise ValueError(f"{file} is no JSON: {error}; save it again in COSIVINA") from None
+    except RecursionError:
+        raise ValueError(f"{file} is nested too deeply: save it again in COSIVINA") from None
+    try:
+        return _simulator(whole, file)
+    except RecursionError:
+        raise ValueError(f"{file} is nested too deeply: save it again in COSIVINA") from None
+
+
+def name_of(path: str | Path) -> str:
+    """The name of a file, without folders; or raise."""
+    if not isinstance(path, str | Path):
+        raise TypeError(f"path={shown(path)} is no path: give text, or a pathlib.Path")
+    name = Path(path).name
+    if not name or "\0" in str(path):
+        raise ValueError(f"path={shown(path)} names no file: give one such as 'model.json'")
+    return name
+
+
+def _simulator(whole: Any, file: str) -> Simulator:
     simulator = whole.get("simulator") if isinstance(whole, dict) else None
     if not isinstance(simulator, dict) or not {"deltaT", "elements"} <= simulator.keys():
         raise ValueError(
@@ -101,8 +140,8 @@ def read(path: str | Path) -> Simulator:
             "'elements'; save one with sim.saveSettings(file)"
         )
     step = _plain(simulator["deltaT"])
-    if not isinstance(step, int | float) or not 0 < step < math.inf:
-        raise ValueError(f"{file}: deltaT={step!r}: give milliseconds per step, above 0")
+    if not isinstance(step, int | float) or not 0 < step <= LARGEST:
+        raise ValueError(f"{file}: deltaT={shown(step)}: give milliseconds per step, above 0")
     return Simulator(file, float(step), _elements(simulator["elements"], file))
 
 
@@ -148,7 +187,7 @@ def write(path: str | Path, delta_t: float, elements: Sequence[Element]) -> None
 def _element(entry: Any, k: int, file: str) -> Element:
     known = isinstance(entry, dict)
     label, kind = (entry.get("label"), entry.get("class")) if known else (None, None)
-    if not known or not isinstance(label, str) or not isinstance(kind, str):
+    if not known or not isinstance(label, str) or not isinstance(kind, str) or not label:
         raise ValueError(f"{file}: element {k + 1} has no 'label' or no 'class': add them")
     element = Element(label, kind, {}, [], file)
     parameters = entry.get("param", {})
@@ -157,7 +196,7 @@ def _element(entry: Any, k: int, file: str) -> Element:
     inputs = []
     for given in _listed(entry.get("input")):
         if not isinstance(given, dict) or "label" not in given:
-            raise element.error(f"input {given!r} names no element: give label and component")
+            raise element.error(f"input {shown(given)} names no element: give label and component")
         inputs.append((str(given["label"]), str(given.get("component", "output"))))
     plain = {name: _plain(value) for name, value in parameters.items()}
     return element._replace(parameters=plain, inputs=inputs)
@@ -173,7 +212,10 @@ def _plain(value: Any) -> Any:
     """A value without what JSONLab adds: typed arrays, and words for what is not finite."""
     if isinstance(value, dict) and "_ArraySize_" in value:
         data = [_plain(x) for x in _flat(value.get("_ArrayData_"))]
-        sizes = [int(n) for n in _flat(value["_ArraySize_"])]
+        sizes = _flat(value["_ArraySize_"])
+        if not all(isinstance(n, int | float) and 0 <= n <= len(data) for n in sizes):
+            return data
+        sizes = [int(n) for n in sizes]
         return _rows(data, sizes) if len(data) == math.prod(sizes) else data
     if isinstance(value, list):
         return [x if type(x) is float else _plain(x) for x in value]

@@ -5,7 +5,7 @@ import math
 import torch
 from torch import Tensor
 
-from dntorch.cells.kernels import Gauss, Global, Matrices
+from dntorch.cells.kernels import LARGEST, Gauss, Global, Matrices
 from dntorch.cosivina.files import Element, Size
 from dntorch.cosivina.parts import Map, names, shape
 
@@ -62,7 +62,7 @@ def lateral(element: Element, size: Size, suffixes: tuple[str, ...], shared: boo
     reach = None
     if shared and len(shape(size)) == 1:
         widest = max(sigma[0] * (a != 0) for sigma, a in zip(sigmas, amplitudes))
-        reach = [math.ceil(element.number("cutoffFactor", 5.0) * widest)]
+        reach = [math.ceil(element.number("cutoffFactor", 5.0, least=0.0) * widest)]
     terms: tuple = ()
     for sign, amplitude, sigma in zip((1.0, -1.0), amplitudes, sigmas):
         terms += gaussian(element, sign * amplitude, sigma, reach)
@@ -81,8 +81,21 @@ def mapped(size: Size, terms: tuple, border: tuple[str, ...]) -> Map:
     """The map of a kernel between patterns of one size; on a single site it is a gain."""
     own = names(size)
     if not own:
-        return Map((), (), sum(float(term.amplitude) for term in terms))
+        return Map((), (), sum(_alone(term) for term in terms))
     return Map(own, own, 1.0, terms, border) if terms else Map(own, own, 0.0)
+
+
+def _alone(term: Gauss | Global | Matrices) -> float:
+    """What a term gives a single site."""
+    if isinstance(term, Matrices):
+        return math.prod(float(matrix) for matrix in term.matrices)
+    return float(term.amplitude)
+
+
+def _check_matrix(element: Element, n: int, ring: int = 0) -> None:
+    """Raise unless a matrix of ``n`` sites, or a ring, fits into the memory."""
+    if n * max(n, ring) > LARGEST or ring > LARGEST:
+        raise element.error(f"{max(n, ring)} sites are too many for a matrix: take fewer")
 
 
 def fourier(element: Element, size: Size, circular: list[bool], padding: float) -> Map:
@@ -100,6 +113,8 @@ def fourier(element: Element, size: Size, circular: list[bool], padding: float) 
             reach = max((n / s for n, s in zip(sizes, sigma) if s > 0), default=1.0)
             terms += (Gauss(amplitude, _same(sigma), cutoff=reach, normalized=normalized),)
             continue
+        for n, w in zip(sizes, widest):
+            _check_matrix(element, n, n + 2 * math.ceil(padding * w))
         matrices = [
             _ring(n, s, 0 if ring else math.ceil(padding * w), normalized)
             for n, s, w, ring in zip(sizes, sigma, widest, circular)
@@ -162,6 +177,7 @@ def leaning(element: Element, size: Size) -> Map:
     if circular:
         left = min(max(math.ceil(reach - shift), 0), (n - 1) // 2)
         right = min(max(math.ceil(reach + shift), 0), n // 2)
+    _check_matrix(element, n)
     offset = torch.arange(-left, right + 1)
     matrix = torch.zeros(n, n, dtype=torch.float64)
     for amplitude, sigma in zip(signed, sigmas):
@@ -178,12 +194,15 @@ def leaning(element: Element, size: Size) -> Map:
 def shifted(element: Element, size: Size) -> Map:
     """The map of a pattern that is moved by whole sites."""
     shift = element.numbers("shiftValue")
+    if not 1 <= len(shift) <= len(size):
+        raise element.error(f"shiftValue={shift} does not fit size={list(size)}: give one per axis")
     shift = [0.0] * (len(size) - len(shift)) + shift
     if element.number("fillValue", 0.0) != 0:
         raise element.error("fillValue is not 0, which no map can fill in: set it to 0")
     matrices = []
     for n, by in zip(size, shift):
         if n > 1:
+            _check_matrix(element, n)
             moved = torch.eye(n, dtype=torch.float64).roll(round(by), 0)
             if not element.flag("circular", False):
                 edge = torch.arange(n) < by if by > 0 else torch.arange(n) >= n + by

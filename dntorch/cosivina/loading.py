@@ -4,6 +4,7 @@ from pathlib import Path
 
 import torch
 
+from dntorch.checks import shown
 from dntorch.cosivina.elements import TICK
 from dntorch.cosivina.files import read
 from dntorch.cosivina.network import SOURCES, Node, network
@@ -76,6 +77,8 @@ def load(
     >>> int(again.state["u"].argmax())
     20
     """
+    if not isinstance(first_step, bool):
+        raise TypeError(f"first_step={shown(first_step)}: give True or False")
     simulator = read(path)
     nodes = network(simulator)
     nodes = nodes if first_step else fused(nodes)

@@ -8,9 +8,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from dntorch.cells.kernels import Gauss, Global, gauss_matrix
+from dntorch.cells.kernels import Gauss, Global, gauss_matrix, per_axis
 from dntorch.cells.memory_trace import share
-from dntorch.cosivina.files import Element, Size, write
+from dntorch.checks import shown
+from dntorch.cosivina.files import Element, Size, name_of, write
 from dntorch.modules.architecture import Architecture
 from dntorch.modules.field import DNF
 from dntorch.modules.memory_trace import MemoryTrace
@@ -41,14 +42,24 @@ def save(architecture: Architecture, path: str | Path, noise: Sequence[str] = ()
     Raises:
         ValueError: what has no element in COSIVINA: another structure, another output function,
             numbers per agent, a maximum, a kernel of matrices over a plane. Nothing is written.
-        TypeError: what is no `Architecture`.
+        TypeError: what is no `Architecture`, no path, no list of labels.
         OSError: the file can't be written.
     """
     if not isinstance(architecture, Architecture):
         raise TypeError(f"architecture is a {type(architecture).__name__}: give an Architecture")
+    name_of(path)
+    if isinstance(noise, str) or not isinstance(noise, Sequence):
+        raise TypeError(f"noise={shown(noise)} is no list: give labels of inputs, such as ['xi']")
+    inputs = [stimulus.label for stimulus in architecture.stimuli.values()]
     for label in noise:
-        if label not in {stimulus.label for stimulus in architecture.stimuli.values()}:
-            raise ValueError(f"noise has {label!r}, which is no input of the architecture")
+        if label not in inputs:
+            raise ValueError(
+                f"noise has {shown(label)}, which is no input of the architecture: choose from "
+                f"{inputs}"
+            )
+    for label in architecture.labels():
+        if not label.isprintable() and label.encode(errors="replace").decode() != label:
+            raise ValueError(f"element {label!r} cannot be written in UTF-8: give another name")
     writer = _Writer(architecture, noise)
     write(path, writer.delta_t, writer.elements)
 
@@ -56,6 +67,7 @@ def save(architecture: Architecture, path: str | Path, noise: Sequence[str] = ()
 class _Writer:
     """Collects the elements of a file."""
 
+    @torch.no_grad()  # kernels may want gradients
     def __init__(self, architecture: Architecture, noise: Sequence[str]) -> None:
         self.architecture = architecture
         self.delta_t = _round(architecture.dt * MS)
@@ -246,6 +258,11 @@ class _Writer:
                     matrix = _amplified(term, shape[0], border[0])
                 else:
                     matrix = torch.as_tensor(term.matrices[0]).double()
+                if matrix.shape[1] == 1:
+                    raise ValueError(
+                        f"{name!r}: a matrix from one site has no class in COSIVINA: take a node, "
+                        "of shape (), and an expansion"
+                    )
                 parameters = {
                     "size": [matrix.shape[1], matrix.shape[0]],
                     "weights": _array(matrix.t()),
@@ -267,7 +284,7 @@ class _Writer:
         self, name: str, port: Port, shape: list[int], border: list[str], term: Gauss
     ) -> Port:
         ends = [""] if len(shape) == 1 else ["Y", "X", "Z"][: len(shape)]
-        sigma = term.sigma if isinstance(term.sigma, tuple) else (term.sigma,) * len(shape)
+        sigma = per_axis("sigma", term.sigma, len(shape))
         parameters: dict[str, Any] = {"size": list(_size(shape))}
         parameters |= {f"sigma{end}": float(s) for end, s in zip(ends, sigma)}
         parameters |= {"amplitude": float(term.amplitude)}
@@ -308,12 +325,12 @@ def _one(label: str, name: str, number: Any) -> float:
 
 
 def _shifted(term: Gauss) -> bool:
-    shift = term.shift if isinstance(term.shift, tuple) else (term.shift,)
+    shift = term.shift if isinstance(term.shift, (tuple, list)) else (term.shift,)
     return any(float(s) != 0 for s in shift)
 
 
 def _amplified(term: Gauss, n: int, border: str) -> Tensor:
-    sigma, shift = (x[0] if isinstance(x, tuple) else x for x in (term.sigma, term.shift))
+    sigma, shift = (per_axis("", x, 1)[0] for x in (term.sigma, term.shift))
     return term.amplitude * gauss_matrix(n, sigma, border, shift, term.cutoff, term.normalized)
 
 

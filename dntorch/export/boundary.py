@@ -49,8 +49,9 @@ class Boundary:
             observation only what the structure senses is exported.
 
     Raises:
-        ValueError: two tensors with the same name; a key that cannot name an argument; a state
-            whose names are not those of buffers.
+        TypeError: what is no structure.
+        ValueError: another number of inputs; two tensors with the same name; a key that cannot name
+            an argument; a state whose names are not those of buffers.
 
     >>> from dntorch import DNSarsa, NodeWTA
     >>> boundary = Boundary(NodeWTA(3), torch.zeros(3))
@@ -63,12 +64,19 @@ class Boundary:
     """
 
     def __init__(self, structure: Dynamics, *inputs: Input) -> None:
+        if not isinstance(structure, Dynamics):
+            raise TypeError(f"structure is a {type(structure).__name__}: give one of this library")
+        *wanted, _ = inspect.signature(structure.step).parameters
+        if len(inputs) != len(wanted):
+            raise ValueError(
+                f"inputs has {len(inputs)} entries, {type(structure).__name__}.step takes {wanted} "
+                "beside its state: give an example of each"
+            )
         self.structure = copy.deepcopy(structure).eval().requires_grad_(False)
         state = self.structure.state
         with torch.no_grad():
             output, _ = self.structure.step(*inputs, state)
-        parameters = list(inspect.signature(structure.step).parameters)[: len(inputs)]
-        self.takes = {name: _keys(structure, x) for name, x in zip(parameters, inputs, strict=True)}
+        self.takes = {name: _keys(structure, x) for name, x in zip(wanted, inputs, strict=True)}
         """For each parameter of ``step`` the keys of its observation, None for a tensor."""
         self.gives = list(output) if isinstance(output, dict) else None
         """The keys of an output by name, None for tensors."""

@@ -6,11 +6,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from dntorch.cells.kernels import Kernel
-from dntorch.checks import check_ends
+from dntorch.cells.kernels import Kernel, sites
+from dntorch.checks import check_ends, check_entries, check_named, shown
 from dntorch.dynamics import Dynamics
-from dntorch.modules.elements import Arm, Element, Elements, Field, Member, Passing, Stimulus
-from dntorch.modules.field import DNF, sites
+from dntorch.modules.elements import (
+    Arm,
+    Element,
+    Elements,
+    Field,
+    Member,
+    Passing,
+    Stimulus,
+    check_stimulus,
+)
+from dntorch.modules.field import DNF
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay
 from dntorch.modules.wiring import backward, escaped, in_order
@@ -96,6 +105,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
     fixed = ("dt", "filled")
     _shapes: dict[str, list[int]]
     _carried: list[str]
+    _entries: list[str]
 
     def __init__(
         self,
@@ -109,7 +119,9 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         members = [part for part in parts.values() if isinstance(part, Dynamics)]
         super().__init__(members[0].dt)
         self.to(members[0].origin.dtype)
-        stimuli = {label: _value(label, x) for label, x in (inputs or {}).items()}
+        if not isinstance(filled, bool):
+            raise TypeError(f"filled={shown(filled)}: give True or False")
+        stimuli = _stimuli(inputs, self.origin)
         for label in stimuli.keys() & parts.keys():
             raise ValueError(f"inputs has {label!r}, which is an element, too: give another name")
         self._shapes = {label: list(x.shape) for label, x in stimuli.items()}
@@ -136,6 +148,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
                 kind = Field if type(part) is DNF else Member  # no subclass with a step of its own
                 element = kind(label, part, _entry_of(label, part), arms[label])
             self.elements[escaped(label)] = element
+        self._entries = [x.label for x in self.elements.values() if x.kept]
         self.to(self.origin.dtype)
 
     # ------------------------------------------------------------- links
@@ -145,7 +158,7 @@ class Architecture(Dynamics[dict[str, Tensor]]):
             ("source", link.source, self._shapes),
             ("target", link.target, targets),
         ):
-            if label not in known:
+            if not isinstance(label, str) or label not in known:
                 raise ValueError(
                     f"link {_told(link)}: {role} {label!r} is not there: choose from {list(known)}"
                 )
@@ -165,8 +178,12 @@ class Architecture(Dynamics[dict[str, Tensor]]):
             if isinstance(projection, str):
                 how = {"border": link.border, "reduce": link.reduce, "dtype": self.origin.dtype}
                 projection = Projection(projection, source, target, link.kernel, **how)
-        except ValueError as error:
-            raise ValueError(f"link {_told(link)}: {error}") from error
+            if not isinstance(projection, Projection):
+                raise TypeError(
+                    f"axes={shown(projection)} is no pattern: give one such as 'y x -> x'"
+                )
+        except (ValueError, TypeError) as error:
+            raise type(error)(f"link {_told(link)}: {error}") from error
         if [projection.source, projection.target] != [source, target]:
             raise ValueError(
                 f"link {_told(link)}: the projection leads from {projection.source} to "
@@ -184,16 +201,16 @@ class Architecture(Dynamics[dict[str, Tensor]]):
         ]
 
     def __getitem__(self, label: str) -> Any:
+        if label not in self:
+            raise KeyError(f"{shown(label)} is not there: choose from {list(self._shapes)}")
         key = escaped(label)
         if key in self.stimuli:
             return self.stimuli[key]
-        if key not in self.elements:
-            raise KeyError(f"{label!r} is not there: choose from {list(self._shapes)}")
         element = self.elements[key]
         return element.relay if isinstance(element, Passing) else element.part
 
     def __contains__(self, label: object) -> bool:
-        return label in self._shapes
+        return isinstance(label, str) and label in self._shapes
 
     def labels(self) -> Iterator[str]:
         """Names of all elements and inputs."""
@@ -312,6 +329,9 @@ class Architecture(Dynamics[dict[str, Tensor]]):
     def step(
         self, inputs: dict[str, Tensor], state: dict[str, Tensor]
     ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        if not torch.jit.is_scripting():
+            check_named("inputs", inputs)
+            check_entries(state, self._entries, self._shapes)
         for label, given in inputs.items():
             if label not in self._shapes:
                 raise ValueError(
@@ -337,17 +357,26 @@ class Architecture(Dynamics[dict[str, Tensor]]):
 
 def _checked(elements: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(elements, Mapping):
-        raise TypeError(f"elements={elements!r} is no mapping: give names and structures")
+        raise TypeError(f"elements={shown(elements)} is no mapping: give names and structures")
     for label, part in elements.items():
         if not isinstance(label, str) or not label:
-            raise ValueError(f"elements has the name {label!r}: give text")
+            raise ValueError(f"elements has the name {shown(label)}: give text")
         if not isinstance(part, (Dynamics, Relay)):
             raise TypeError(
                 f"elements[{label!r}] is a {type(part).__name__}: give a DNF, NodeWTA, MemoryTrace "
                 "or Relay"
             )
-    if not any(isinstance(part, Dynamics) for part in elements.values()):
+    members = {label: part for label, part in elements.items() if isinstance(part, Dynamics)}
+    if not members:
         raise ValueError(f"elements={list(elements)}: give at least one with a state, such as DNF")
+    first = next(iter(members))
+    for label, part in members.items():  # of which a composite would round all but one
+        own, dtype = part.origin.dtype, members[first].origin.dtype
+        if own != dtype:
+            raise ValueError(
+                f"elements[{label!r}] of dtype {own} does not fit the {dtype} of {first!r}: build "
+                "all with one dtype"
+            )
     return dict(elements)
 
 
@@ -370,21 +399,33 @@ def _shape_of(part: Any) -> list[int]:
     return list(next(iter(rest.values())).shape[part.origin.dim() :]) if rest else []
 
 
-def _value(label: str, given: Any) -> Tensor:
-    if isinstance(given, Tensor):
-        return given.detach().clone()
-    return torch.zeros(sites(given, f"inputs[{label!r}]"))
+def _stimuli(inputs: Any, like: Tensor) -> dict[str, Tensor]:
+    """Constants by name, in one dtype."""
+    if inputs is None:
+        return {}
+    check_named("inputs", inputs)
+    values = {}
+    for label, given in inputs.items():
+        if not isinstance(label, str) or not label:
+            raise ValueError(f"inputs has the name {shown(label)}: give text")
+        name = f"inputs[{label!r}]"
+        if isinstance(given, Tensor):
+            check_stimulus(name, given)
+            values[label] = given.detach().to(like, copy=True)
+        else:
+            values[label] = torch.zeros(sites(given, name))
+    return values
 
 
 def _as_link(link: Any) -> Link:
     if isinstance(link, Link):
         return link
     if not isinstance(link, tuple) or not 2 <= len(link) <= len(Link._fields):
-        raise ValueError(f"link {link!r}: give (source, target, axes, kernel, border, reduce)")
+        raise ValueError(f"link {shown(link)}: give (source, target, axes, kernel, border, reduce)")
     if len(link) == 3 and not isinstance(link[2], (str, Projection, type(None))):
         return Link(link[0], link[1], None, link[2])
     return Link(*link)
 
 
 def _told(link: Link) -> str:
-    return f"({link.source!r}, {link.target!r})"
+    return f"({shown(link.source)}, {shown(link.target)})"

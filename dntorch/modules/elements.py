@@ -1,17 +1,29 @@
 """The elements of an architecture: each with what reaches it, and what it shows."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from dntorch.cells.field import FieldState
+from dntorch.checks import refuse_input
 from dntorch.dynamics import Dynamics
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay
 from dntorch.modules.wiring import escaped
 from dntorch.parameters import Lasting
 from dntorch.plumbing import overwrite
+
+
+def check_stimulus(name: str, value: Any) -> None:
+    """Raise unless it is a tensor of finite numbers."""
+    if not isinstance(value, Tensor):
+        refuse_input(name, value)
+    if value.is_complex():
+        raise TypeError(f"{name} of dtype {value.dtype} is no stimulus: give floats")
+    if not value.is_meta and not bool(value.isfinite().all()):
+        raise ValueError(f"{name} is not finite: give numbers")
 
 
 class Stimulus(Lasting):
@@ -23,6 +35,17 @@ class Stimulus(Lasting):
         super().__init__()
         self.label = label
         self.register_buffer("value", value, persistent=False)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name == "value":
+            check_stimulus(name, value)
+            if value.shape != self.value.shape:
+                raise ValueError(
+                    f"value of shape {list(value.shape)} does not fit {list(self.value.shape)} of "
+                    f"{self.label!r}: reshape it"
+                )
+            value = value.to(self.value)
+        super().__setattr__(name, value)
 
     def shows(self, given: dict[str, Tensor]) -> Tensor:
         return self.value + given[self.label] if self.label in given else self.value

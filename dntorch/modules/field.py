@@ -8,8 +8,8 @@ from torch import Tensor
 from dntorch.cells.field import FieldState, field_relax
 from dntorch.cells.functions import sigmoid
 from dntorch.cells.integrators import check_integrator
-from dntorch.cells.kernels import SELECTIVE, Kernel
-from dntorch.checks import check_ends, check_time_constant
+from dntorch.cells.kernels import SELECTIVE, Kernel, sites
+from dntorch.checks import check_ends, check_floats, check_time_constant
 from dntorch.dynamics import Dynamics
 from dntorch.modules.kernelled import Kernelled
 from dntorch.number import Number, wide
@@ -101,6 +101,7 @@ class DNF(Kernelled, Dynamics[FieldState]):
         dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__(dt)
+        check_floats(dtype)
         check_integrator(integrator, substeps)
         self.shape, self.border = sites(shape), border
         if len(self.shape) > 3:
@@ -154,12 +155,3 @@ class DNF(Kernelled, Dynamics[FieldState]):
                 ahead = self.halfway(state, self.substep(input, ahead))
             state = ahead
         return self.output(state), state
-
-
-def sites(shape: int | Sequence[int], name: str = "shape") -> list[int]:
-    """Sites of each axis, an int for one axis."""
-    whole = isinstance(shape, int) and not isinstance(shape, bool)
-    given = [shape] if whole else list(shape) if isinstance(shape, Sequence) else [0]
-    if not all(isinstance(n, int) and not isinstance(n, bool) and n >= 1 for n in given):
-        raise ValueError(f"{name}={shape!r}: give a number of sites, at least one, for each axis")
-    return given

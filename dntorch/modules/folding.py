@@ -9,7 +9,7 @@ from torch.nn.functional import linear
 
 from dntorch.cells.field import lateral
 from dntorch.cells.functions import sigmoid
-from dntorch.checks import check_ends
+from dntorch.checks import check_ends, check_entries, check_named
 from dntorch.dynamics import Dynamics
 from dntorch.modules.architecture import Architecture
 from dntorch.modules.elements import Member
@@ -151,6 +151,9 @@ class Folded(Dynamics[dict[str, Tensor]]):
     def step(
         self, inputs: dict[str, Tensor], state: dict[str, Tensor]
     ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        if not torch.jit.is_scripting():
+            check_named("inputs", inputs)
+            check_entries(state, self._labels, self._shapes)
         for label, given in inputs.items():
             if label not in self._shapes:
                 raise ValueError(

@@ -3,10 +3,13 @@
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.utils._pytree import tree_map
 
 from dntorch.cells.kernels import Global, Kernel, Matrices, as_terms, assemble
+from dntorch.checks import shown
+
+HELD = ("everywhere", "kernel_0", "kernel_1", "kernel_2")
 
 
 class Kernelled:
@@ -17,6 +20,7 @@ class Kernelled:
     """
 
     __jit_unused_properties__ = ("kernel",)
+    _plain: bool = False
     everywhere: Tensor
     kernel_0: Tensor
     kernel_1: Tensor
@@ -33,6 +37,8 @@ class Kernelled:
         pairs = zip(built, [*stacks, self.everywhere])
         if all(torch.equal(x.to(y).float(), y.float()) for x, y in pairs):
             return self._terms
+        if self._plain:
+            return float(self.everywhere)
         terms = [Matrices(tuple(each)) for each in zip(*(stack.unbind() for stack in stacks))]
         whole = [Global(float(self.everywhere))] if bool(self.everywhere != 0) else []
         return (*terms, *whole)
@@ -41,11 +47,40 @@ class Kernelled:
     def kernel(self, kernel: Any) -> None:
         terms = self._terms_of(kernel)
         matrices, everywhere = self._assembled(terms)  # may refuse
-        self._terms = terms
-        self._place("everywhere", _wide(everywhere).to(self.origin))
+        built = [_wide(everywhere), *matrices, *[torch.empty(0)] * (3 - len(matrices))]
+        held = [x.to(self.origin) for x in built]
+        if not all(x.is_meta or bool(x.isfinite().all()) for x in held):
+            raise ValueError(
+                f"kernel={shown(kernel)} is not finite in {self.origin.dtype}: give smaller numbers"
+            )
+        self.__dict__["_terms"] = terms  # past `nn.Module`, which would register a parameter
+        self._plain = isinstance(terms, (float, Tensor))
+        own = isinstance(everywhere, nn.Parameter)  # which an optimizer may already hold
+        self._place("everywhere", everywhere if own else held[0])
         for axis in range(3):
-            stack = matrices[axis] if axis < len(matrices) else torch.empty(0)
-            self._place(f"kernel_{axis}", stack.to(self.origin))
+            self._place(f"kernel_{axis}", held[1 + axis])
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name == "kernel":  # `nn.Module` would register a parameter, past the property
+            Kernelled.kernel.fset(self, value)
+            return
+        if name in HELD and self.__dict__.get("_ready", False):
+            self._check_held(name, value)
+        super().__setattr__(name, value)
+
+    def _check_held(self, name: str, value: Any) -> None:
+        """Raise unless a tensor may stand in the place of one of the kernel's."""
+        before = getattr(self, name)
+        free = 0 if name == "everywhere" else 1  # the number of terms
+        if not isinstance(value, Tensor):
+            raise TypeError(f"{name} is a {type(value).__name__}: give a tensor")
+        if value.dim() != before.dim() or value.shape[free:] != before.shape[free:]:
+            raise ValueError(
+                f"{name} of shape {list(value.shape)} does not fit {list(before.shape)}: give "
+                "matrices (terms, to, from)"
+            )
+        if not value.is_meta and not bool(value.isfinite().all()):
+            raise ValueError(f"{name} is not finite: give numbers")
 
     def _terms_of(self, kernel: Any) -> Kernel:
         return as_terms(kernel)

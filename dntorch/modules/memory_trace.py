@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from dntorch.cells.kernels import sites
 from dntorch.cells.memory_trace import MemoryTraceState, memory_trace_step, share
-from dntorch.checks import check_ends, check_positive
+from dntorch.checks import check_dtype, check_ends, check_floats, check_positive, shown
 from dntorch.dynamics import Dynamics
 from dntorch.memory import extended
-from dntorch.modules.field import sites
 from dntorch.number import Number, wide
 
 
@@ -74,12 +74,15 @@ class MemoryTrace(Dynamics[MemoryTraceState]):
         dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__(dt)
+        check_floats(dtype)
         self.shape, self.tau_build, self.tau_decay = sites(shape), tau_build, tau_decay
         self.threshold, self.frozen = threshold, frozen
         self.register_buffer("trace", torch.zeros(self.shape))
         self.to(dtype=dtype)
 
     def check(self) -> None:
+        if not isinstance(self.frozen, bool):
+            raise TypeError(f"frozen={shown(self.frozen)}: give True or False")
         for name in ("tau_build", "tau_decay"):
             check_positive(name, getattr(self, name), "give seconds")
 
@@ -92,6 +95,7 @@ class MemoryTrace(Dynamics[MemoryTraceState]):
 
     def euler(self, input: Tensor, state: MemoryTraceState) -> MemoryTraceState:
         check_ends("input", input, self.shape)
+        check_dtype("input", input, state.trace.dtype)
         axes = len(self.shape)
         build = wide(share(self.tau_build, self.dt), axes)
         decay = wide(share(self.tau_decay, self.dt), axes)

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from dntorch.cells.field import lateral
-from dntorch.cells.kernels import Gauss, Global, Kernel, Matrices
+from dntorch.cells.kernels import Gauss, Global, Kernel, Matrices, borders_of, sites
 from dntorch.cells.patterns import REDUCTIONS, diagonals, read_pattern, reduced
-from dntorch.checks import check_ends
-from dntorch.modules.field import sites
+from dntorch.checks import LARGEST, check_dtype, check_ends, check_floats, shown
 from dntorch.modules.kernelled import Kernelled
 from dntorch.parameters import Parameters
 
@@ -89,6 +88,7 @@ class Projection(Kernelled, Parameters):
         dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__()
+        check_floats(dtype)
         self.register_buffer("origin", torch.zeros((), dtype=dtype), persistent=False)
         self.source, self.target = sites(source, "source"), sites(target, "target")
         route = read_pattern(axes, self.source, self.target)
@@ -99,7 +99,6 @@ class Projection(Kernelled, Parameters):
         self._through = route.through
         self._shear, self._reduced, self._order = route.shear, route.reduced, route.order
         self._unshear, self._placed, self._new = route.unshear, route.placed, route.new
-        self._plain = False
         self._check_all()
         self.kernel = kernel
         self._ready = True
@@ -114,16 +113,21 @@ class Projection(Kernelled, Parameters):
 
     def _terms_of(self, kernel: Any) -> Any:
         gain = isinstance(kernel, (int, float)) and not isinstance(kernel, bool)
-        self._plain = gain or isinstance(kernel, Tensor)
-        if not self._plain:
+        if not gain and not isinstance(kernel, Tensor):
             return super()._terms_of(kernel)
-        if torch.as_tensor(kernel).numel() != 1 or not bool(torch.as_tensor(kernel).isfinite()):
-            raise ValueError(f"kernel={kernel!r} is no gain: give one finite number, or terms")
-        return float(kernel) if gain else kernel
+        one = abs(kernel) <= LARGEST if gain else kernel.numel() == 1 and not kernel.is_complex()
+        if not one or not bool(torch.as_tensor(kernel).isfinite()):
+            raise ValueError(f"kernel={shown(kernel)} is no gain: give one finite number, or terms")
+        if isinstance(kernel, nn.Parameter) and kernel.dim() > 0:
+            raise ValueError(
+                f"kernel is a parameter of shape {list(kernel.shape)}: give one of shape []"
+            )
+        return float(kernel) if gain else kernel if kernel.dim() == 0 else kernel.reshape(())
 
     def _assembled(self, terms: Any) -> tuple[list[Tensor], float | Tensor]:
-        if not self._plain:
+        if not isinstance(terms, (float, Tensor)):
             return super()._assembled(terms)
+        borders_of(self.border, len(self.shape))
         if self.shape != self.source_shape:
             raise ValueError(
                 f"kernel={terms} is a gain, but sizes {self.source_shape} become {self.shape}: "
@@ -134,6 +138,7 @@ class Projection(Kernelled, Parameters):
     def forward(self, output: Tensor) -> Tensor:
         """Input of the target, ``(*batch, *target)``."""
         check_ends("output", output, self.source)
+        check_dtype("output", output, self.origin.dtype)
         if len(self._shear) > 0:
             output = diagonals(output, self._shear, self.reduce)
         x = reduced(output, self._reduced, self.reduce)

@@ -6,9 +6,15 @@ import torch
 from torch import Tensor
 
 from dntorch.cells.field import separable
-from dntorch.cells.kernels import gauss_matrix, per_axis
-from dntorch.checks import check_count, check_ends, check_time_constant
-from dntorch.modules.field import sites
+from dntorch.cells.kernels import borders_of, gauss_matrix, per_axis, sites
+from dntorch.checks import (
+    check_count,
+    check_dtype,
+    check_ends,
+    check_floats,
+    check_positive,
+    check_time_constant,
+)
 from dntorch.number import Number, span, wide
 from dntorch.parameters import Parameters
 
@@ -68,12 +74,16 @@ class Noise(Parameters):
         dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__()
+        check_floats(dtype)
         self.register_buffer("origin", torch.zeros((), dtype=dtype), persistent=False)
         check_count("substeps", substeps)
         self.shape, self.substeps, self.dt = sites(shape), substeps, dt
         self.sd, self.tau = sd, tau
         self.sigma, self.border = sigma, border
         axes = len(self.shape)
+        if axes > 3:
+            raise ValueError(f"shape={shape!r}: give 0 to 3 axes")
+        borders_of(border, axes)
         each = zip(self.shape, per_axis("sigma", sigma, axes), per_axis("border", border, axes))
         for axis in range(3):
             self.register_buffer(f"rows_{axis}", torch.empty(0, dtype=dtype), persistent=False)
@@ -86,7 +96,8 @@ class Noise(Parameters):
 
     def _check_all(self) -> None:
         if not span(self.sd)[0] >= 0:
-            raise ValueError(f"sd={self.sd} is negative: give a standard deviation")
+            raise ValueError(f"sd={span(self.sd)[0]} is negative: give a standard deviation")
+        check_positive("dt", self.dt, "give seconds per step")
         check_time_constant("tau", self.tau, self.dt / self.substeps)
 
     def resize(self, *batch: int) -> "Noise":
@@ -96,6 +107,7 @@ class Noise(Parameters):
     def forward(self, xi: Tensor) -> Tensor:
         """Input of the field, from white noise of unit variance."""
         check_ends("xi", xi, self.shape)
+        check_dtype("xi", xi, self.origin.dtype)
         axes = len(self.shape)
         if axes > 0:
             xi = separable(xi, [self.rows_0, self.rows_1, self.rows_2][:axes], 0)

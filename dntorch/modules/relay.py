@@ -2,15 +2,18 @@
 
 from collections.abc import Sequence
 
-from torch import Tensor, nn
+import torch
+from torch import Tensor
 
 from dntorch.cells.functions import KINDS, sigmoid
-from dntorch.modules.field import sites
+from dntorch.cells.kernels import sites
+from dntorch.checks import shown
+from dntorch.parameters import Parameters
 
 COMBINE = ("sum", "product")
 
 
-class Relay(nn.Module):
+class Relay(Parameters):
     r"""Shows the sum, or the product, of what reaches it; at once, without a state.
 
     .. math:: o(x) = f\Big(\sum_k S_k(x)\Big) \quad\text{or}\quad f\Big(\prod_k S_k(x)\Big)
@@ -28,6 +31,7 @@ class Relay(nn.Module):
     tensor([0., 1.])
     """
 
+    settable = ("kind",)
     shape: list[int]
 
     def __init__(
@@ -39,13 +43,21 @@ class Relay(nn.Module):
         threshold: float = 0.0,
     ) -> None:
         super().__init__()
-        self.shape = sites(shape)
-        if combine not in COMBINE:
-            raise ValueError(f"combine={combine!r} is unknown: choose from {COMBINE}")
-        if kind not in KINDS:
-            raise ValueError(f"kind={kind!r} is unknown: choose from {KINDS}")
-        self.combine, self.kind = combine, kind
-        self.steepness, self.threshold = float(steepness), float(threshold)
+        self.register_buffer("origin", torch.zeros(()), persistent=False)
+        self.shape, self.combine, self.kind = sites(shape), combine, kind
+        self.steepness, self.threshold = steepness, threshold
+        self._check_all()
+        self._ready = True
+
+    def _check_all(self) -> None:
+        for name, known in (("combine", COMBINE), ("kind", KINDS)):
+            word = getattr(self, name)
+            if not isinstance(word, str) or word not in known:
+                raise ValueError(f"{name}={shown(word)} is unknown: choose from {known}")
+
+    def resize(self, *batch: int) -> "Relay":
+        """Nothing of a relay has a batch."""
+        return self
 
     def forward(self, combined: Tensor) -> Tensor:
         """What it shows of its links' sum or product."""

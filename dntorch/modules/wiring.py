@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 
 from torch import nn
 
+from dntorch.checks import shown
+
 MARK = "_x"
 TAKEN = frozenset(dir(nn.ModuleDict()))
 
@@ -36,6 +38,10 @@ def in_order(reads: Reads, relays: list[str], order: Sequence[str] | None) -> li
     """
     if order is None:
         return [*_sorted(reads, relays), *(label for label in reads if label not in relays)]
+    if isinstance(order, str) or not isinstance(order, Sequence):
+        raise TypeError(f"order={shown(order)} is no list: give the names of all elements")
+    if not all(isinstance(label, str) for label in order):
+        raise TypeError(f"order={shown(order)}: give names, which are text")
     for label in {*reads, *order}:
         if list(order).count(label) != 1 or label not in reads:
             raise ValueError(

@@ -178,3 +178,121 @@ def test_an_architecture_of_all_that_has_a_form_is_saved(tmp_path):
     written = json.loads((tmp_path / "model.json").read_text())["simulator"]
     assert written["nElements"] == len(written["elements"]) == len(set(written["elementLabels"]))
     assert written["deltaT"] == 15.625
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("[" * 100_000, "nested too deeply"),
+        ('{"simulator": {"deltaT": 1, "elements": ' + "[" * 900 + "]" * 900 + "}}", "nested too"),
+        ('{"simulator": {"deltaT": 1' + "0" * 5000 + "}}", "is no JSON: Exceeds"),
+        ('{"simulator": {"deltaT": 1' + "0" * 400 + ', "elements": []}}', "deltaT=10000"),
+        ('{"simulator": {"deltaT": {"_ArraySize_": [{}], "_ArrayData_": [1]}, "elements": []}}',
+         "deltaT="),
+        ('{"simulator": {"deltaT": 1, "elements": [{"label": "", "class": "NeuralField"}]}}',
+         "element 1 has no 'label'"),
+        ('{"simulator": {"deltaT": 1, "elements": [{"label": "u", "class": "a\\nb"}]}}',
+         "the class is unknown"),
+    ],
+)  # fmt: skip
+def test_a_damaged_file_is_refused_in_one_sentence(tmp_path, text, sentence):
+    path = tmp_path / "model.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=sentence) as raised:
+        load(path)
+    assert raised.type is ValueError and str(raised.value).startswith("model.json")
+    assert "\n" not in str(raised.value)
+
+
+NUMBERS = [10**400, 1e308, -1e308, "_Inf_", float("inf"), float("nan"), {"_ArraySize_": [1e308]}]
+HAT = {"sigmaExc": 1, "amplitudeExc": 2, "sigmaInh": 2, "amplitudeInh": 1, "amplitudeGlobal": 0}
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "names"),
+    [
+        ("NeuralField", {"tau": 10, "h": -5, "beta": 4}, ["size", "tau", "h", "beta"]),
+        ("MemoryTrace", {"tauBuild": 9, "tauDecay": 9}, ["size", "tauBuild", "threshold"]),
+        ("GaussKernel1D", GAUSS, ["size", "sigma", "amplitude", "cutoffFactor", "circular"]),
+        ("MexicanHatKernel1D", HAT | {"circular": 0, "normalized": 1},
+         ["size", "sigmaExc", "amplitudeInh", "amplitudeGlobal", "cutoffFactor"]),
+        ("LateralInteractionsShifted1D", HAT | {"circular": 1, "normalized": 1},
+         ["size", "shift", "sigmaExc", "cutoffFactor"]),
+        ("KernelFFT", HAT | {"circular": 0, "normalized": 1}, ["paddingFactor", "sigmaExc"]),
+        ("ShiftInput", {"shiftValue": 1}, ["size", "shiftValue", "amplitude", "fillValue"]),
+        ("ScaleInput", {"amplitude": 1}, ["amplitude"]),
+        ("WeightMatrix", {"size": [7, 7], "weights": [1] * 49}, ["size", "weights"]),
+        ("Transpose", {}, ["size"]),
+        ("CustomStimulus", {"pattern": [1] * 7}, ["pattern"]),
+        ("GaussStimulus1D", {"sigma": 1, "amplitude": 1, "position": 3, "circular": 1},
+         ["size", "sigma", "amplitude", "position"]),
+    ],
+)  # fmt: skip
+def test_a_number_that_is_none_is_named_with_element_and_file(tmp_path, kind, parameters, names):
+    given = {"size": [1, 7]} | parameters
+    inputs = [] if kind in ("NeuralField", "CustomStimulus", "GaussStimulus1D") else ["u"]
+    sizes = [[1, 2, 3], 1e15] if kind in ("WeightMatrix", "Transpose") else [1e15]
+    for name in names:
+        for wrong in NUMBERS + sizes * (name == "size"):
+            part = element("x", kind, *inputs, **given | {name: wrong})
+            with pytest.raises(ValueError, match=f"element 'x' of class {kind}: ") as raised:
+                load(write(tmp_path, part, field("u", [1, 7], "x")))
+            assert raised.type is ValueError and "\n" not in str(raised.value)
+
+
+def test_whole_numbers_are_not_rounded(tmp_path):
+    for kind, parameters in (
+        ("SumDimension", {"size": [1, 7], "sumDimensions": 1.5}),
+        ("ExpandDimension", {"inputSize": [1, 7], "outputSize": [3, 7], "dimensionMapping": 2.5}),
+    ):
+        with pytest.raises(ValueError, match=f"class {kind}: .*give whole numbers"):
+            load(write(tmp_path, element("x", kind, "u", **parameters), field("u", [1, 7])))
+    shift = element("x", "ShiftInput", "u", size=[1, 7], shiftValue=[1, 2, 3])
+    with pytest.raises(ValueError, match=r"shiftValue=\[1.0, 2.0, 3.0\] does not fit"):
+        load(write(tmp_path, shift, field("u", [1, 7])))
+
+
+def test_a_kernel_on_a_single_site_is_a_gain(tmp_path):
+    for kind, more in (("LateralInteractionsShifted1D", {"shift": 0}), ("KernelFFT", {})):
+        part = element("x", kind, "u", size=[1, 1], circular=0, normalized=1, **HAT, **more)
+        model = load(write(tmp_path, part, field("u", [1, 1], "x")))
+        assert float(model["u"].everywhere) == pytest.approx(1.0)  # 2 - 1
+
+
+def test_a_long_chain_of_elements_is_loaded(tmp_path):
+    def sigmoid(k, source):
+        return element(f"c{k}", "Sigmoid", source, size=[1, 7], beta=1, threshold=0)
+
+    chain = [sigmoid(k, f"c{k - 1}" if k else "u") for k in range(1200)]
+    assert load(write(tmp_path, field("u", [1, 7], "c1199"), *chain)).ordered
+
+
+def test_arguments_of_load_and_save_are_checked(tmp_path):
+    path = write(tmp_path, field("u", [1, 7]))
+    model = load(path)
+    for run in (
+        lambda: load(None), lambda: load(b"x"), lambda: load("a\0b"), lambda: load(""),
+        lambda: load(path, "float64"), lambda: load(path, first_step="no"),
+        lambda: save(model, None), lambda: save(model, ""), lambda: save(model, "a\0b"),
+        lambda: save(model, path, noise="xi"), lambda: save(model, path, noise=None),
+        lambda: save(model, path, noise=[["xi"]]),
+        lambda: save(one(**{"\ud800": DNF(3)}), path),
+        lambda: save(Architecture({"u": DNF(1), "v": DNF(3)}, ("u", "v", "x -> x",
+                     Matrices((torch.ones(3, 1),)))), path),
+    ):  # fmt: skip
+        with pytest.raises((ValueError, TypeError)) as raised:
+            run()
+        assert raised.type in (ValueError, TypeError)
+        assert "\n" not in str(raised.value) and ": " in str(raised.value)
+    with pytest.raises(OSError, match="cannot be written"):
+        save(model, tmp_path / "nowhere" / "model.json")
+    assert len(load(path)["u"].shape) == 1  # nothing was written
+
+
+def test_widths_in_a_list_and_learned_numbers_are_saved(tmp_path):
+    a = torch.tensor(2.0, requires_grad=True)
+    model = one(u=DNF((3, 4), Gauss(a, [1.0, 2.0]), h=0.0))
+    save(model, tmp_path / "model.json")
+    again = load(tmp_path / "model.json")
+    for _ in range(3):
+        assert torch.allclose(again({})["u"], model({})["u"])

@@ -445,7 +445,10 @@ def test_codes_are_differentiable_compile_and_vmap():
             lambda v: space_code(v, 9, 0.0, 1.0, -2.0),
             "sigma=-2.0 must be positive: give a width in sites",
         ),
-        (lambda v: space_code(v, 0, 0.0, 1.0, 1.0), "shape=0: give at least one"),
+        (
+            lambda v: space_code(v, 0, 0.0, 1.0, 1.0),
+            "shape=0: give a number of sites, at least one",
+        ),
         (lambda v: space_code(v, 1, 0.0, 1.0, 1.0, "zero"), "shape=1: a zero axis of one site"),
         (lambda v: space_code(v, (9, 9), 0.0, 1.0, 1.0), r"value of shape \[\] does not end in"),
         (lambda v: space_code(v * math.nan, 9, 0.0, 1.0, 1.0), "value has 1 NaN"),
