@@ -21,7 +21,7 @@ class Route(NamedTuple):
     shear: list[int]
     """Two axes that become their diagonals, one axis ``r+g``; empty for none."""
     reduced: list[int]
-    """Axes that are summed up, after that."""
+    """Axes that are reduced, after that."""
     order: list[int]
     """Of the axes that are left: where each of those that go through comes from."""
     unshear: list[int]

@@ -23,7 +23,7 @@ SUPPORTED: dict[str, Callable[[Element, float], Parts]] = {
     "GaussStimulus3D": elements.bump,
     "HalfWaveRectification": elements.rectified,
     "KernelFFT": elements.fft,
-    "KernelInverseFFT": elements.backward,
+    "KernelInverseFFT": elements.inverse_fft,
     "LateralInteractions1D": elements.hat,
     "LateralInteractions2D": elements.hat,
     "LateralInteractions3D": elements.hat,

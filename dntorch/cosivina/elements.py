@@ -6,7 +6,7 @@ import torch
 
 from dntorch.cells.kernels import Gauss, Matrices
 from dntorch.cosivina.files import Element, Size
-from dntorch.cosivina.kernels import fourier, lateral, leaning, mapped, shifted, stimulus, whole
+from dntorch.cosivina.kernels import fourier, gaussians, leaning, mapped, shifted, stimulus, whole
 from dntorch.cosivina.parts import AXES, Map, Part, names, repeat, shape
 
 Parts = dict[str, Part]
@@ -61,7 +61,7 @@ def _kernel(element: Element, suffixes: tuple[str, ...], shared: bool) -> Parts:
     size = element.size()
     if element.kind.endswith("1D") and (len(size) > 2 or size[0] > 1):
         raise element.error(f"size={list(size)} is no line: give [1, n]")
-    output = Part("map", size, lateral(element, size, suffixes, shared), size)
+    output = Part("map", size, gaussians(element, size, suffixes, shared), size)
     return {"output": output, **_sums(size)}
 
 
@@ -83,7 +83,7 @@ def fft(element: Element, delta_t: float) -> Parts:
     return {"output": Part("map", size, fourier(element, size, circular[:axes], padding), size)}
 
 
-def backward(element: Element, delta_t: float) -> Parts:
+def inverse_fft(element: Element, delta_t: float) -> Parts:
     """The kernel of `fft`, of an input that went through the forward transform before."""
     return fft(element._replace(parameters={**element.parameters, "circular": [1, 1, 1, 1]}), 0)
 
@@ -125,19 +125,21 @@ def sums(element: Element, delta_t: float) -> Parts:
 def sum_over(element: Element, delta_t: float) -> Parts:
     """Over chosen axes, times a gain; those that are left may change places."""
     size = element.size()
-    return {"output": Part("sums", size, options={
+    options = {
         "over": element.wholes("sumDimensions"),
         "order": element.wholes("dimensionOrder", list(range(1, len(size) + 1))),
         "gain": element.number("amplitude", 1.0),
-    })}  # fmt: skip
+    }
+    return {"output": Part("sums", size, options=options)}
 
 
 def expand(element: Element, delta_t: float) -> Parts:
     """A line along each row (1), or each column (2), of a plane."""
     size, along = element.size(), element.number("expandDimension")
     if along not in (1, 2) or len(size) != 2:
-        raise element.error(f"expandDimension={along:g}, size={list(size)}: give 1 or 2, and a "
-                            "plane")  # fmt: skip
+        raise element.error(
+            f"expandDimension={along:g}, size={list(size)}: give 1 or 2, and a plane"
+        )
     line = (1, size[1]) if along == 1 else (size[0], 1)
     return {"output": Part("map", size, repeat(line, size), line)}
 
@@ -219,8 +221,8 @@ def multiplied(element: Element, delta_t: float) -> Parts:
 
 def logistic(element: Element, delta_t: float) -> Parts:
     """A logistic sigmoid of the first input."""
-    options = {"kind": "logistic", "steepness": element.number("beta"),
-               "threshold": element.number("threshold", 0.0)}  # fmt: skip
+    beta, threshold = element.number("beta"), element.number("threshold", 0.0)
+    options = {"kind": "logistic", "steepness": beta, "threshold": threshold}
     return {"output": Part("first", element.size(), options=options)}
 
 

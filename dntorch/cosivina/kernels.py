@@ -7,12 +7,10 @@ from torch import Tensor
 
 from dntorch.cells.kernels import LARGEST, Gauss, Global, Matrices
 from dntorch.cosivina.files import Element, Size
-from dntorch.cosivina.parts import Map, names, shape
-
-LETTERS = "YXZW"
+from dntorch.cosivina.parts import AXES, Map, names, shape
 
 
-def per_axis(element: Element, name: str, size: Size, flag: bool = False) -> list[float]:
+def each_axis(element: Element, name: str, size: Size, flag: bool = False) -> list[float]:
     """A parameter for each axis of more than one site: ``sigma`` of a line, else ``sigmaY``…"""
     wanted = [name + ending(element, k) for k, n in enumerate(size) if n > 1]
     if flag:
@@ -22,7 +20,7 @@ def per_axis(element: Element, name: str, size: Size, flag: bool = False) -> lis
 
 def ending(element: Element, k: int) -> str:
     """How the parameters of axis ``k`` end: a line has one axis, which needs no letter."""
-    return "" if element.kind.endswith("1D") else LETTERS[k]
+    return "" if element.kind.endswith("1D") else AXES[k].upper()
 
 
 def gaussian(
@@ -49,7 +47,7 @@ def _same(sigma: list[float]) -> float | tuple[float, ...]:
     return sigma[0] if len(set(sigma)) == 1 else tuple(sigma)
 
 
-def lateral(element: Element, size: Size, suffixes: tuple[str, ...], shared: bool) -> Map:
+def gaussians(element: Element, size: Size, suffixes: tuple[str, ...], shared: bool) -> Map:
     """The map of a kernel element: a Gaussian for each suffix, the second inhibits.
 
     Args:
@@ -57,8 +55,8 @@ def lateral(element: Element, size: Size, suffixes: tuple[str, ...], shared: boo
         shared: on one axis both reach as far as the wider.
     """
     amplitudes = [element.number(f"amplitude{suffix}") for suffix in suffixes]
-    sigmas = [per_axis(element, f"sigma{suffix}", size) for suffix in suffixes]
-    circular = per_axis(element, "circular", size, flag=True)
+    sigmas = [each_axis(element, f"sigma{suffix}", size) for suffix in suffixes]
+    circular = each_axis(element, "circular", size, flag=True)
     reach = None
     if shared and len(shape(size)) == 1:
         widest = max(sigma[0] * (a != 0) for sigma, a in zip(sigmas, amplitudes))

@@ -7,6 +7,7 @@ from torch import Tensor
 from dntorch.cosivina.files import Size
 
 AXES = "yxzw"
+"""Of a size in COSIVINA, in its order; their capitals end the names of parameters."""
 
 
 class Map(NamedTuple):
@@ -38,10 +39,25 @@ class Map(NamedTuple):
 
 
 class Part(NamedTuple):
-    """One component of an element, such as its output."""
+    """One component of an element, such as its output.
+
+    ===============  ======================================================
+    role             what it is
+    ===============  ======================================================
+    ``field``        a dynamic neural field
+    ``trace``        a memory trace
+    ``constant``     a stimulus that acts by itself
+    ``open``         what the caller gives, zero unless given
+    ``map``          a linear function of the first input
+    ``sums``         one over axes, known when the size of the input is
+    ``sum``          of all inputs
+    ``first``        the first input, through a gain or an output function
+    ``product``      of the first two inputs
+    ``unsupported``  an error if something neural reads it
+    ===============  ======================================================
+    """
 
     role: str
-    """Of `ROLES`."""
     size: Size = (1, 1)
     map: Map | None = None
     """Of a linear part: how its first input becomes this component."""
@@ -52,20 +68,6 @@ class Part(NamedTuple):
     value: Tensor | None = None
     why: str = ""
     """Of what is not supported: the reason."""
-
-
-ROLES = {
-    "field": "a dynamic neural field",
-    "trace": "a memory trace",
-    "constant": "a stimulus that acts by itself",
-    "open": "what the caller gives, zero unless given",
-    "map": "a linear function of the first input",
-    "sum": "of all inputs",
-    "first": "the first input, through a gain or an output function",
-    "product": "of the first two inputs",
-    "nothing": "only looks: left out",
-    "unsupported": "an error if something neural reads it",
-}
 
 
 def shape(size: Size) -> tuple[int, ...]:

@@ -8,18 +8,16 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from dntorch.cells.kernels import Gauss, Global, gauss_matrix, per_axis
-from dntorch.cells.memory_trace import share
+from dntorch.cells.kernels import Gauss, Global, per_axis
 from dntorch.checks import shown
-from dntorch.cosivina.files import Element, Size, name_of, write
+from dntorch.cosivina import written
+from dntorch.cosivina.files import Element, name_of, write
+from dntorch.cosivina.written import MS, array, rounded, size_of
 from dntorch.modules.architecture import Architecture
 from dntorch.modules.field import DNF
 from dntorch.modules.memory_trace import MemoryTrace
 from dntorch.modules.projection import Projection
 from dntorch.modules.relay import Relay
-
-MS = 1e3
-"""COSIVINA's units of time per second."""
 
 Port = tuple[str, str]
 """Label and component of what is read."""
@@ -70,7 +68,7 @@ class _Writer:
     @torch.no_grad()  # kernels may want gradients
     def __init__(self, architecture: Architecture, noise: Sequence[str]) -> None:
         self.architecture = architecture
-        self.delta_t = _round(architecture.dt * MS)
+        self.delta_t = rounded(architecture.dt * MS)
         self.elements: list[Element] = []
         self.taken = set(architecture.labels())
         for stimulus in architecture.stimuli.values():
@@ -108,19 +106,19 @@ class _Writer:
     # ------------------------------------------------------------- elements
 
     def _stimulus(self, label: str, value: Tensor, noisy: bool) -> None:
-        size = _size(value.shape)
+        size = size_of(value.shape)
         if noisy:
             parameters = {"size": list(size), "amplitude": math.sqrt(self.delta_t)}
             self.add(label, "NormalNoise", parameters)
         else:
-            self.add(label, "CustomStimulus", {"size": list(size), "pattern": _array(value)})
+            self.add(label, "CustomStimulus", {"size": list(size), "pattern": array(value)})
 
     def _node(self, node: Any, reads: list[Port]) -> None:
-        part, size = self.architecture[node.label], list(_size(node.shape))
+        part, size = self.architecture[node.label], list(size_of(node.shape))
         if isinstance(part, DNF):
-            self.add(node.label, "NeuralField", _field(node.label, part, size), *reads)
+            self.add(node.label, "NeuralField", written.field(node.label, part, size), *reads)
         elif isinstance(part, MemoryTrace):
-            self.add(node.label, "MemoryTrace", _trace(node.label, part, size), *reads)
+            self.add(node.label, "MemoryTrace", written.trace(node.label, part, size), *reads)
         elif isinstance(part, Relay):
             self._relay(node.label, part, size, reads)
         else:
@@ -133,7 +131,7 @@ class _Writer:
         own = relay.kind == "linear"
         name = label if own else self.new(f"{label} (sum)")
         if not reads:
-            zeros = _array(torch.zeros(relay.shape))
+            zeros = array(torch.zeros(relay.shape))
             port = self.add(name, "CustomStimulus", {"size": size, "pattern": zeros})
         elif relay.combine == "sum" or len(reads) == 1:
             port = self.add(name, "SumInputs", {"size": size}, *reads)
@@ -166,7 +164,7 @@ class _Writer:
         single = isinstance(part, MemoryTrace) or getattr(part, "combine", "") == "product"
         if isinstance(part, MemoryTrace) and len(reads) > 1:
             label = self.new(f"{node.label} (sum)")
-            return [self.add(label, "SumInputs", {"size": list(_size(node.shape))}, *reads)]
+            return [self.add(label, "SumInputs", {"size": list(size_of(node.shape))}, *reads)]
         if single and len(reads) > len(node.arms):
             raise ValueError(f"a kernel of several terms into {node.label!r}: put a Relay between")
         return reads
@@ -209,7 +207,7 @@ class _Writer:
         return ports
 
     def _scale(self, name: str, port: Port, shape: Sequence[int], gain: float) -> Port:
-        parameters = {"size": list(_size(shape)), "amplitude": gain}
+        parameters = {"size": list(size_of(shape)), "amplitude": gain}
         return self.add(self.new(name), "ScaleInput", parameters, port)
 
     def _sum(
@@ -218,9 +216,9 @@ class _Writer:
         dims = [k + (2 if len(shape) == 1 else 1) for k in lost]
         parameters = {
             "sumDimensions": dims if len(dims) > 1 else dims[0],
-            "size": list(_size(left)),
+            "size": list(size_of(left)),
             "amplitude": gain,
-            "dimensionOrder": list(range(1, len(_size(left)) + 1)),
+            "dimensionOrder": list(range(1, len(size_of(left)) + 1)),
         }
         return self.add(self.new(name), "SumDimension", parameters, port)
 
@@ -233,12 +231,12 @@ class _Writer:
     def _expand(
         self, name: str, port: Port, projection: Projection, through: list[str], goes: list[str]
     ) -> Port:
-        label, into = self.new(f"{name} (expand)"), list(_size(projection.target))
+        label, into = self.new(f"{name} (expand)"), list(size_of(projection.target))
         places = [goes.index(axis) + 1 for axis in through]
         if len(into) == 2:
             parameters: dict[str, Any] = {"expandDimension": 3 - places[0], "size": into}
             return self.add(label, "ExpandDimension2D", parameters, port)
-        size = list(_size(projection.shape))
+        size = list(size_of(projection.shape))
         mapping = places if len(places) > 1 else places[0]
         parameters = {"inputSize": size, "outputSize": into, "dimensionMapping": mapping}
         return self.add(label, "ExpandDimension", parameters, port)
@@ -246,16 +244,15 @@ class _Writer:
     def _kernel(self, name: str, port: Port, holder: Any, kernel: Any, axes: list[str]) -> list:
         """One element for each term of a kernel."""
         shape, ports = list(holder.shape), []
-        borders = holder.border
-        border = [borders] * len(shape) if isinstance(borders, str) else list(borders)
+        border = per_axis("border", holder.border, len(shape))
         for term in kernel:
             if isinstance(term, Global) or not axes:
                 ports.append(self._whole(name, port, shape, float(term.amplitude)))
-            elif isinstance(term, Gauss) and not _shifted(term):
+            elif isinstance(term, Gauss) and not written.shifted(term):
                 ports.append(self._gauss(name, port, shape, border, term))
             elif len(axes) == 1:
                 if isinstance(term, Gauss):
-                    matrix = _amplified(term, shape[0], border[0])
+                    matrix = written.amplified_matrix(term, shape[0], border[0])
                 else:
                     matrix = torch.as_tensor(term.matrices[0]).double()
                 if matrix.shape[1] == 1:
@@ -265,7 +262,7 @@ class _Writer:
                     )
                 parameters = {
                     "size": [matrix.shape[1], matrix.shape[0]],
-                    "weights": _array(matrix.t()),
+                    "weights": array(matrix.t()),
                 }
                 ports.append(self.add(self.new(name), "WeightMatrix", parameters, port))
             else:
@@ -281,73 +278,13 @@ class _Writer:
         return self._sum(f"{name} (global)", port, shape, list(range(len(shape))), [], gain)
 
     def _gauss(
-        self, name: str, port: Port, shape: list[int], border: list[str], term: Gauss
+        self, name: str, port: Port, shape: list[int], border: tuple[str, ...], term: Gauss
     ) -> Port:
         ends = [""] if len(shape) == 1 else ["Y", "X", "Z"][: len(shape)]
         sigma = per_axis("sigma", term.sigma, len(shape))
-        parameters: dict[str, Any] = {"size": list(_size(shape))}
+        parameters: dict[str, Any] = {"size": list(size_of(shape))}
         parameters |= {f"sigma{end}": float(s) for end, s in zip(ends, sigma)}
         parameters |= {"amplitude": float(term.amplitude)}
         parameters |= {f"circular{end}": int(b == "circular") for end, b in zip(ends, border)}
         parameters |= {"normalized": int(term.normalized), "cutoffFactor": float(term.cutoff)}
         return self.add(self.new(name), f"GaussKernel{len(shape)}D", parameters, port)
-
-
-def _field(label: str, field: DNF, size: list[int]) -> dict[str, Any]:
-    linear = (field.kind, field.steepness, field.threshold) == ("linear", 1.0, 0.0)
-    usual = (field.kind, field.threshold) == ("logistic", 0.0) or linear
-    if not usual or field.substeps != 1 or field.integrator != "euler":
-        raise ValueError(
-            f"element {label!r}: COSIVINA's fields are logistic with threshold 0 and take one "
-            f"Euler step, this one is {field.kind!r} with threshold={field.threshold}, "
-            f"substeps={field.substeps}, integrator={field.integrator!r}"
-        )
-    tau, h = _one(label, "tau", field.tau), _one(label, "h", field.h)
-    return {"size": size, "tau": _round(tau * MS), "h": h, "beta": field.steepness}
-
-
-def _trace(label: str, trace: MemoryTrace, size: list[int]) -> dict[str, Any]:
-    if not trace.frozen:
-        raise ValueError(f"element {label!r}: COSIVINA's memory traces are frozen: set frozen=True")
-    build, decay = (_one(label, n, getattr(trace, n)) for n in ("tau_build", "tau_decay"))
-    return {
-        "size": size,
-        "tauBuild": _round(1 / share(build, trace.dt)),
-        "tauDecay": _round(1 / share(decay, trace.dt)),
-        "threshold": trace.threshold,
-    }
-
-
-def _one(label: str, name: str, number: Any) -> float:
-    if isinstance(number, Tensor) and number.dim() > 0:
-        raise ValueError(f"element {label!r}: {name} has one number per agent: select(k) one first")
-    return float(number)
-
-
-def _shifted(term: Gauss) -> bool:
-    shift = term.shift if isinstance(term.shift, (tuple, list)) else (term.shift,)
-    return any(float(s) != 0 for s in shift)
-
-
-def _amplified(term: Gauss, n: int, border: str) -> Tensor:
-    sigma, shift = (per_axis("", x, 1)[0] for x in (term.sigma, term.shift))
-    return term.amplitude * gauss_matrix(n, sigma, border, shift, term.cutoff, term.normalized)
-
-
-def _size(shape: Sequence[int]) -> Size:
-    return (*(1,) * (2 - len(shape)), *shape)
-
-
-def _array(value: Tensor) -> Any:
-    """An array as JSONLab writes it."""
-    value = value.detach().double()
-    if value.dim() < 3:
-        return value.tolist()
-    backwards = value.permute(*reversed(range(value.dim())))  # column after column
-    data = [[x] for x in backwards.flatten().tolist()]
-    return {"_ArrayType_": "double", "_ArraySize_": list(value.shape), "_ArrayData_": data}
-
-
-def _round(number: float) -> float:
-    """A number without what a change of units left behind."""
-    return float(f"{number:.12g}")

@@ -1,6 +1,6 @@
 """A network made smaller: relays that one projection can stand for, and the order of steps."""
 
-from dntorch.cells.kernels import Gauss, Global, Matrices, gauss_matrix
+from dntorch.cells.kernels import Gauss, Global, Matrices, gauss_matrix, per_axis
 from dntorch.cosivina.network import MEMBERS, SOURCES, Edge, Node, Nodes
 from dntorch.cosivina.parts import Map, chain
 
@@ -131,9 +131,8 @@ def _matrices(term, shape: tuple[int, ...], border: tuple[str, ...]):
     """A Gaussian as matrices, which have a border of their own."""
     if not isinstance(term, Gauss):
         return term
-    sigma = term.sigma if isinstance(term.sigma, tuple) else (term.sigma,) * len(shape)
     each = [
         gauss_matrix(n, s, edge, 0.0, term.cutoff, term.normalized)
-        for n, s, edge in zip(shape, sigma, border)
+        for n, s, edge in zip(shape, per_axis("sigma", term.sigma, len(shape)), border)
     ]
     return Matrices((term.amplitude * each[0], *each[1:]))

@@ -104,7 +104,10 @@ class Boundary:
 
     def port(self, key: str) -> str:
         """The name of the port of a key; where outputs have labels, inputs have labels, too."""
-        return key if self.gives is None else escaped(key)
+        if self.gives is None:
+            return key
+        name = escaped(key)
+        return name if name.isidentifier() and not keyword.iskeyword(name) else f"input_{name}"
 
     def lasting(self) -> set[str]:
         """Names of the tensors of the state that outlive ``reset``: what was learned, counts."""

@@ -32,6 +32,15 @@ class Folded(Dynamics[dict[str, Tensor]]):
     Inputs, outputs and state by name are those of the architecture, equal to it up to rounding.
     What was folded is fixed: set parameters in the architecture and fold again.
 
+    >>> from dntorch import DNF, Gauss, gauss
+    >>> links = ("a", "b", Gauss(6.0, 2.0)), ("b", "a", "x -> x", -1.0)
+    >>> model = Architecture({"a": DNF(50), "b": DNF(50, h=-3.0)}, *links)
+    >>> folded, cue = model.fold(), gauss(50, 20, 3.0, 8.0)
+    >>> for _ in range(32):
+    ...     outputs, same = model({"a": cue}), folded({"a": cue})
+    >>> bool((outputs["b"] - same["b"]).abs().max() < 1e-4)
+    True
+
     Raises:
         ValueError: what cannot be folded, with names and why; as for `Architecture` in a step.
     """

@@ -24,6 +24,8 @@ class Relay(Parameters):
         kind: output function, ``"linear"`` or one of those of `DNF`, with ``steepness`` and
             ``threshold``.
 
+    Shapes: input and output ``(*batch, *shape)``.
+
     Raises:
         ValueError: an unknown combination or output function.
 

@@ -201,6 +201,18 @@ def test_a_name_that_cannot_be_that_of_a_port_is_refused(key, says) -> None:
         Boundary(Odd(key), {key: torch.zeros(1)}, torch.zeros(1))
 
 
+@pytest.mark.parametrize(
+    ("label", "port"),
+    [("cue", "cue"), ("a cue", "a_x20_cue"), ("2nd", "input_2nd"), ("lambda", "input_lambda")],
+)
+def test_labels_of_an_architecture_name_ports_in_an_escaped_form(label, port) -> None:
+    model = dntorch.Architecture({label: dntorch.DNF(3)})
+    boundary = Boundary(model, {label: torch.ones(3)})
+    assert [each.name for each in boundary.inputs] == [port]
+    scripted = script(boundary)
+    assert torch.equal(scripted(torch.ones(3)), model({label: torch.ones(3)})[label])
+
+
 def test_a_state_that_bears_other_names_than_its_buffers_is_refused() -> None:
     nodes = dntorch.NodeWTA(N)
     nodes.flat = lambda state: {"activation": state.u}
