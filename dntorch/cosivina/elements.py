@@ -125,10 +125,9 @@ def sums(element: Element, delta_t: float) -> Parts:
 def sum_over(element: Element, delta_t: float) -> Parts:
     """Over chosen axes, times a gain; those that are left may change places."""
     size = element.size()
-    order = element.wholes("dimensionOrder", list(range(1, len(size) + 1)))
     options = {
         "over": element.wholes("sumDimensions"),
-        "order": order,
+        "order": element.wholes("dimensionOrder", list(range(1, len(size) + 1))),
         "gain": element.number("amplitude", 1.0),
     }
     return {"output": Part("sums", size, options=options)}

@@ -25,6 +25,10 @@ Row = dict[str, Any]
 Lines = dict[str, Population]
 
 
+SOON = ", recovery 600"
+"""Of lines in which what was tried is fresh again twice as soon."""
+
+
 def alone(config: Config, runs: int, **others: Any) -> Population:
     return Population(config, tuple(range(runs)), keep_weights=False, **others)
 
@@ -58,6 +62,8 @@ def without_phases(seed: int, runs: int) -> Lines:
         for noise in (0.02, 0.05, 0.1, 0.2):
             config = autonomous_config(seed, 100_000, sequence=sequence, noise=noise)
             lines[f"{sequence}, noise {noise}"] = alone(config, runs)
+        config = autonomous_config(seed, 100_000, sequence=sequence, recovery=600.0)
+        lines[f"{sequence}, noise 0.2{SOON}"] = alone(config, runs)
     for rate in (0.06, 0.1, 0.4):
         config = autonomous_config(seed, 100_000, learning_rate=rate)
         lines[f"GBYRG, learning rate {rate}"] = alone(config, runs)
@@ -70,6 +76,7 @@ def recall(seed: int, runs: int) -> Lines:
         for depth in (0, 1):
             config = autonomous_config(seed, steps, sequence=sequence, recall=depth)
             lines[f"{sequence}, recall {depth}"] = alone(config, runs)
+        lines[f"{sequence}, recall 1{SOON}"] = alone(replace(config, recovery=600.0), runs)
     return lines
 
 
@@ -79,6 +86,7 @@ def change(seed: int, runs: int) -> Lines:
     phases = Config(world="nodes", seed=seed, steps=160_000, explore=50_000, **later)
     return {
         "autonomous": alone(whole, runs),
+        f"autonomous{SOON}": alone(replace(whole, recovery=600.0), runs),
         "without habituation": alone(replace(whole, habituation=-1), runs),
         "two phases": alone(phases, runs),
     }

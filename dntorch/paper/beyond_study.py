@@ -79,7 +79,7 @@ QUANTITIES = {
 
 
 #: Later predictions, and how they are called beside the first.
-REVISIONS = {"revised": ", revised", "again": ", revised again"}
+REVISIONS = {"revised": ", revised", "again": ""}
 
 
 def judge(section: str, rows: dict[str, Row]) -> list[Claim]:

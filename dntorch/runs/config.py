@@ -160,8 +160,7 @@ class Config:
                 )
         if self.change >= self.steps:
             raise ValueError(f"change={self.change}: give a step before steps={self.steps}")
-        unasked = FIELDS["recovery"].default, AUTONOMOUS["recovery"]
-        if self.recovery not in unasked and self.habituation < 0:
+        if self.recovery != FIELDS["recovery"].default and self.habituation < 0:
             raise ValueError(f"recovery={self.recovery} of no habituation: give habituation, too")
         check_missing(self.missing, self.colors)
         if self.constraints and not self.patience:
@@ -213,8 +212,7 @@ def kept_config(values: Any, path: Path) -> Config:
 
 
 AUTONOMOUS: dict[str, Any] = {
-    "noise": 0.2, "learning_rate": 0.2, "habituation": 4, "recovery": 600.0, "patience": 20.0,
-    "constraints": 20.0,
+    "noise": 0.2, "learning_rate": 0.2, "habituation": 4, "patience": 20.0, "constraints": 20.0
 }  # fmt: skip
 """One set of numbers for an agent without phases: small noise all its life, which yields to what
 was learned and prefers what is fresh; an end to what is in vain, which is remembered."""

@@ -742,7 +742,7 @@ def test_euler_converges_with_order_one_to_an_independent_solution(problem, seco
         (lambda: NodeWTA(3, dt=-1.0), "dt=-1.0 must be positive"),
         (lambda: TPCell((), tau=0.01), "dt=0.03125 is longer than tau=0.01"),
         (lambda: TPCell((), tau=0.0), "tau=0.0 must be positive"),
-        (lambda: TPCell((), dt=float("nan")), "dt=nan must be positive"),
+        (lambda: TPCell((), dt=float("nan")), "dt=nan is not finite"),
         (lambda: ItemOrderWM(3, tau=0.05), r"with tau=0.05: activity could leave \[0, 1\]"),
         (lambda: ValueOpposition(3, tau_error=0.01), "longer than tau_error=0.01"),
         (lambda: ValueOpposition(3, discount=1.1), "discount=1.1: give a number from 0 to 1"),

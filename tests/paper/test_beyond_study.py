@@ -54,9 +54,9 @@ def test_a_section_is_run_judged_and_shown_and_goes_on(tmp_path: Path) -> None:
 def test_a_prediction_is_judged_at_its_bound() -> None:
     row = {"runs": 100, "optimal": [90, 100], "optimal_interval": [0.8, 0.95], "to_relearn": 420.0}
     claims = judge("change", {"autonomous": row})
-    assert [claim.verdict for claim in claims] == [MET] * 6
+    assert [claim.verdict for claim in claims] == [MET] * 4
     worse = row | {"optimal": [89, 100], "to_relearn": None}
-    assert [claim.verdict for claim in judge("change", {"autonomous": worse})] == [MISSED] * 6
+    assert [claim.verdict for claim in judge("change", {"autonomous": worse})] == [MISSED] * 4
     assert judge("change", {"a line without prediction": row}) == []
 
 
