@@ -318,6 +318,12 @@ def test_rollout_is_step_after_step_and_changes_nothing():
         expected = model({"scene": given["scene"][k]})
         assert all(torch.equal(outputs[name][k], expected[name]) for name in expected)
         assert all(torch.equal(states[name][k], x) for name, x in model.state.items())
+    alone, _ = rollout(built(), {}, steps=7)  # its cue acts by itself
+    expected, _ = rollout(built(), {"cue": torch.zeros(7, 20, dtype=D)})
+    assert all(torch.equal(alone[name], expected[name]) for name in expected)
+    for steps in (0, 1.5, True, 6):
+        with pytest.raises(ValueError, match="steps"):
+            rollout(model, given, steps=steps)
     fields, _ = rollout(DNF(5), torch.zeros(3, 5))
     assert fields.shape == (3, 5)
     for wrong in ({"scene": torch.zeros(())}, {"a": torch.zeros(2, 5), "b": torch.zeros(3, 5)}, {}):
