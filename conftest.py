@@ -30,7 +30,7 @@ MAY_SKIP = {
     "tests/cosivina/test_public_files.py": "third-party models, not part of this repository",
     "tests/envs/test_nodes.py": "one test needs a C++ compiler",
     "tests/envs/test_ring.py": "one test needs a GPU",
-    "tests/live/test_page.py": "needs Chromium",
+    "tests/live/test_in_chromium.py": "needs Chromium",
     "tests/fields/test_gallery.py": "one model is a third-party file, not part of this repository",
     "tests/modules/test_compiled.py": "needs a C++ compiler",
     "tests/modules/test_dnfc_data.py": "third-party field runs, not part of this repository",

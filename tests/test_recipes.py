@@ -33,7 +33,13 @@ def test_the_memory_is_a_trace() -> None:
 
 HERE = [
     Path(__file__).parent / f"{name}.py"
-    for name in ("test_recipes", "test_collectors", "test_evidence", "fields/test_gallery")
+    for name in (
+        "test_recipes",
+        "test_collectors",
+        "test_evidence",
+        "test_evidence_robot",
+        "fields/test_gallery",
+    )
 ]
 TESTED = {
     name

@@ -7,13 +7,14 @@ import socket
 import threading
 import webbrowser
 from concurrent.futures import Future
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 
 from dntorch.extras import require
-from dntorch.live.session import Session
-from dntorch.live.sources import open_source
+
+if TYPE_CHECKING:
+    from dntorch.live.session import Session
 
 TICK = 10
 """ms between two looks whether steps are due"""
@@ -28,7 +29,7 @@ class View:
         session: steps the copy of what was given; its methods may be called from any thread.
     """
 
-    def __init__(self, session: Session, host: str, port: int) -> None:
+    def __init__(self, session: "Session", host: str, port: int) -> None:
         self.session, self._host = session, host
         begun: Future[int] = Future()
         self._ended = threading.Event()
@@ -96,7 +97,7 @@ class View:
                 loop.close()
 
 
-def _server(session: Session, host: str, port: int, loop: Any) -> tuple[Any, int]:
+def _server(session: "Session", host: str, port: int, loop: Any) -> tuple[Any, int]:
     from bokeh.application import Application
     from bokeh.application.handlers.function import FunctionHandler
     from bokeh.server.server import BaseServer
@@ -186,6 +187,9 @@ def view(
     >>> page.stop()
     """
     require("bokeh", "numpy")
+    from dntorch.live.session import Session  # with NumPy, which the core does without
+    from dntorch.live.sources import open_source
+
     session = Session(open_source(target))
     try:
         page = View(session, host, port)

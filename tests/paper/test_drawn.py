@@ -88,7 +88,7 @@ def test_the_discrete_rule_learns_and_needs_the_state():
 
 def test_every_line_beyond_the_paper_makes_agents_and_a_world():
     lines = [line for section in SECTIONS.values() for line in section(0, 2).values()]
-    assert len(lines) == 35
+    assert len(lines) == 41
     for group in lines:
         run = Run(group, events=True)
         assert run.agent.decisions.shape == (len(group.agents),)
