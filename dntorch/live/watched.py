@@ -14,7 +14,7 @@ from dntorch.modules.memory_trace import MemoryTrace
 from dntorch.modules.node import NodeWTA
 from dntorch.modules.relay import Relay
 
-METHODS = ("relax", "euler", "forward")
+METHODS = ("relaxed", "relax", "euler", "forward")
 """What takes the input of a part, the innermost first: each calls at most those before it."""
 KINDS = (DNF, NodeWTA, MemoryTrace)
 

@@ -157,7 +157,7 @@ class Field(Member):
     def advance(self, reaching: Tensor, shown: Tensor, x: Tensor) -> Tensor:
         if self.part.substeps > 1:
             return self.part.euler(reaching, FieldState(x)).u
-        return self.part.relax(reaching, shown, FieldState(x)).u
+        return self.part.relaxed(reaching, shown, FieldState(x)).u
 
 
 class Passing(Element):

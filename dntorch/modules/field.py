@@ -128,9 +128,9 @@ class DNF(Kernelled, Dynamics[FieldState]):
     def substep(self, input: Tensor, state: FieldState) -> FieldState:
         """One Euler step of ``dt / substeps`` seconds."""
         output = sigmoid(state.u, self.kind, self.steepness, self.threshold)
-        return self.relax(input, output, state)
+        return self.relaxed(input, output, state)
 
-    def relax(self, input: Tensor, output: Tensor, state: FieldState) -> FieldState:
+    def relaxed(self, input: Tensor, output: Tensor, state: FieldState) -> FieldState:
         """`substep` for a composite that knows the output already."""
         check_ends("input", input, self.shape)
         if input.dtype != state.u.dtype:
