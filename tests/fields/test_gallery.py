@@ -51,7 +51,7 @@ def test_a_program_shows_its_phenomenon(
     budget = BUDGETS.get(path.stem, [])
     if path.stem == "wolves":
         if WOLVES is None:
-            pytest.skip("wolvesPaperPR.json is not in ../shared/data/cosivina")
+            pytest.skip("the third-party file wolvesPaperPR.json is not here")
         budget = [str(WOLVES)]
     monkeypatch.setattr(sys, "argv", [str(path), *budget, "--out", str(picture)])
     with torch.random.fork_rng():
